@@ -10,11 +10,10 @@ import traceback
 from typing import Annotated, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 from pa_console import __version__
 from pa_console.child_processes import keep_search_path
-from pa_console.cli.verbs import Verbs
+from pa_console.cli.verbs import Verbs, load_verb
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, open_closed_streams
 
 INTERRUPTED = 130
@@ -22,6 +21,13 @@ COLLECTED_AFTER = (20_000, 10, 5)
 """The number of allocations before garbage is collected. With Python's own 700, a tenth of the
 start goes into looking through recent imports; a console that runs for days must still get rid of
 screens that are closed."""
+
+REMEDIES = {
+    errno.ENOSPC: "; free some space on that disk",
+    errno.EDQUOT: "; free some space on that disk",
+    errno.EROFS: "; let XDG_STATE_HOME and XDG_CONFIG_HOME name folders that can be written to",
+}
+"""The way out of a fault of the file system, where there is one that all commands share."""
 
 app = typer.Typer(
     name="pa-console",
@@ -62,10 +68,9 @@ def _default(
 
     set_defaults(context, assignments or ())
     if context.invoked_subcommand is None:
-        assert isinstance(context.command, TyperGroup)
-        opened = context.command.commands["console"]
-        with opened.make_context("console", [], parent=context) as below:
-            opened.invoke(below)
+        console = load_verb("console")
+        with console.make_context("console", [], parent=context) as below:
+            console.invoke(below)
 
 
 def _print_version(json: bool) -> None:
@@ -113,14 +118,6 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
     sys.exit(code if isinstance(code, int) else 0)
 
 
-_REMEDIES = {
-    errno.ENOSPC: "; free some space on that disk",
-    errno.EDQUOT: "; free some space on that disk",
-    errno.EROFS: "; let XDG_STATE_HOME and XDG_CONFIG_HOME name folders that can be written to",
-}
-"""The way out of a fault of the file system, where there is one that all commands share."""
-
-
 def _explain(error: Exception) -> int:
     """Report the mistake in the input, or the program's own fault."""
     from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only when it failed
@@ -135,7 +132,7 @@ def _explain(error: Exception) -> int:
             return _fail(str(error), FAILED)
         case OSError():
             place = error.filename or "input/output"
-            remedy = _REMEDIES.get(error.errno or 0, "")
+            remedy = REMEDIES.get(error.errno or 0, "")
             return _fail(f"{place}: {error.strerror or error}{remedy}", FAILED)
         case _:
             return _fail(f"internal error: {error}; {_keep_traceback(error)}", FAILED)
@@ -147,15 +144,14 @@ def _misused(error: typer.TyperException) -> int:
     A group of commands that is named without any shows its help.
     """
     context: typer.Context | None = getattr(error, "ctx", None)
-    said = error.format_message()
-    if context is not None and said == context.get_help():
-        errors.print_line(said)
+    message = error.format_message()
+    if context is not None and message == context.get_help():
+        errors.print_line(message)
         return BAD_INPUT
-    asked = context.command_path if context is not None else "pa-console"
-    problem = said.replace(": Value error, ", ": ").removesuffix(".")
-    return _fail(
-        f"{problem}{'' if problem.endswith('?') else '.'} See '{asked} --help'.", BAD_INPUT
-    )
+    command = context.command_path if context is not None else "pa-console"
+    problem = message.replace(": Value error, ", ": ").removesuffix(".")
+    end = "" if problem.endswith("?") else "."
+    return _fail(f"{problem}{end} See '{command} --help'.", BAD_INPUT)
 
 
 def _fail(text: str, code: int) -> int:

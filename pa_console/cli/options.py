@@ -70,16 +70,6 @@ CertificatesOption = Annotated[
     Path | None,
     typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
 ]
-AgentsOption = Annotated[
-    int,
-    typer.Option(
-        "--agents",
-        metavar="PORT",
-        min=0,
-        max=65_535,
-        help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
-    ),
-]
 AlertOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -99,11 +89,25 @@ AlertLaterOption = Annotated[
         help="Alert these people too when nobody acts.",
     ),
 ]
+OriginOption = Annotated[
+    str,
+    typer.Option(
+        metavar="LAT,LON[,BEARING[,ALTITUDE]]",
+        help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
+    ),
+]
+MouseOption = Annotated[
+    bool, typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal.")
+]
+SessionWorldOption = Annotated[
+    str | None, typer.Option("--world", help="The session's world, when it is a file.")
+]
+SessionRulesOption = Annotated[
+    str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
 ]
-
-
 WorkersOption = Annotated[
     int, typer.Option(min=0, help="Make them in so many processes of this machine (Dask).")
 ]
@@ -186,13 +190,7 @@ class SessionOptions:
             metavar="URL", help="Show the session on the maps of this TAK server: tls://HOST:8089."
         ),
     ] = ""
-    tak_origin: Annotated[
-        str,
-        typer.Option(
-            metavar="LAT,LON[,BEARING[,ALTITUDE]]",
-            help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
-        ),
-    ] = ""
+    tak_origin: OriginOption = ""
     tak_contacts: Annotated[
         bool | None,
         typer.Option(
@@ -232,6 +230,23 @@ class SessionOptions:
 
 
 @dataclass(frozen=True)
+class AttendedOptions(SessionOptions):
+    """The options of a session that people attend: whom it alerts, and where agents are let in."""
+
+    alert: AlertOption = None
+    alert_later: AlertLaterOption = None
+    agents: Annotated[
+        int,
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65_535,
+            help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
+        ),
+    ] = 0
+
+
+@dataclass(frozen=True)
 class FollowOptions:
     """The options of a map that follows a session: the server, and one of `join` and `replay`."""
 
@@ -258,16 +273,8 @@ class FollowOptions:
     speed: Annotated[
         float, typer.Option(min=0.1, max=32.0, help="With --replay: how many times as fast.")
     ] = 1.0
-    world: Annotated[str | None, typer.Option(help="The session's world, when it is a file.")] = (
-        None
-    )
-    origin: Annotated[
-        str,
-        typer.Option(
-            metavar="LAT,LON[,BEARING[,ALTITUDE]]",
-            help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
-        ),
-    ] = ""
+    world: SessionWorldOption = None
+    origin: OriginOption = ""
     name: Annotated[
         str | None,
         typer.Option(
@@ -293,38 +300,34 @@ def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
 
     Typer knows options one by one; the verb is called with whole values.
     """
-    taken = get_type_hints(verb, include_extras=True)
-    groups = {
-        name: get_type_hints(kind, include_extras=True)
-        for name, kind in taken.items()
-        if is_dataclass(kind)
-    }
-    options: dict[str, list[Parameter]] = {
-        name: [
-            Parameter(
-                each.name,
-                Parameter.KEYWORD_ONLY,
-                default=Parameter.empty if each.default is MISSING else each.default,
-                annotation=hint,
-            )
-            for each in fields(taken[name])
-            if hasattr(hint := hints[each.name], "__metadata__")
-        ]
-        for name, hints in groups.items()
-    }
+    hints = get_type_hints(verb, include_extras=True)
+    groups = {name: _field_options(kind) for name, kind in hints.items() if is_dataclass(kind)}
 
     @wraps(verb)
     def called(**given: Any) -> Any:
-        for name, of_group in options.items():
-            values = {each.name: given.pop(each.name) for each in of_group}
-            given[name] = taken[name](**values)
+        for name, options in groups.items():
+            given[name] = hints[name](**{option.name: given.pop(option.name) for option in options})
         return verb(**given)
 
     parameters = [
-        shown.replace(kind=Parameter.KEYWORD_ONLY)
-        for each in signature(verb).parameters.values()
-        for shown in options.get(each.name, [each])
+        option.replace(kind=Parameter.KEYWORD_ONLY)
+        for parameter in signature(verb).parameters.values()
+        for option in groups.get(parameter.name, [parameter])
     ]
     vars(called)["__signature__"] = signature(verb).replace(parameters=parameters)
-    called.__annotations__ = {each.name: each.annotation for each in parameters}
+    called.__annotations__ = {option.name: option.annotation for option in parameters}
     return called
+
+
+def _field_options(kind: Any) -> list[Parameter]:
+    hints = get_type_hints(kind, include_extras=True)
+    return [
+        Parameter(
+            field.name,
+            Parameter.KEYWORD_ONLY,
+            default=Parameter.empty if field.default is MISSING else field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(kind)
+        if hasattr(hints[field.name], "__metadata__")
+    ]

@@ -1,7 +1,6 @@
 """Progress bars that live as long as their `with` block."""
 
 import sys
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -10,14 +9,11 @@ from rich.progress import (
     DownloadColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
     TextColumn,
     TimeRemainingColumn,
 )
 
-from pa_console.session.recording import Recording
 from pa_console.terminal.output import PlainConsole
-from pa_console.tui.recordings import index_folder
 
 
 class LiveBar:
@@ -38,65 +34,32 @@ class LiveBar:
         self._progress.stop()
 
 
-def transient_bar(counted: ProgressColumn) -> Progress:
-    """Return a bar that counts `counted`, gone once it has stopped, on a terminal only.
+class TransientBar(LiveBar):
+    """A bar on a terminal only, gone once it has stopped; it counts things, or `of_bytes`.
 
     It keeps to the stderr that it began with, even if that is captured later.
     """
-    return Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        counted,
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=PlainConsole(file=sys.stderr),
-        transient=True,
-        redirect_stdout=False,
-        redirect_stderr=False,
-        disable=not sys.stderr.isatty(),
-    )
 
-
-class LoadingBar(LiveBar):
-    """Counts the bytes of a log that were read, on a terminal."""
-
-    def __init__(self, log: Path) -> None:
-        """Show that `log` is being read."""
-        self._progress = transient_bar(DownloadColumn())
-        self._task = self._progress.add_task(f"reading {log.name}", total=None)
-
-    def show(self, done: int, total: int) -> None:
-        """Note that `done` of `total` bytes were read."""
-        self._progress.update(self._task, completed=done, total=total)
-
-
-class RecordsBar(LiveBar):
-    """Counts the records of a shared session that have come, on a terminal."""
-
-    def __init__(self) -> None:
-        """Show that a session is waited for."""
-        self._progress = transient_bar(MofNCompleteColumn())
-        self._task = self._progress.add_task("reading the session", total=None)
-
-    def show(self, done: int, total: int) -> None:
-        """Note that `done` of `total` records have come."""
-        self._progress.update(self._task, completed=done, total=total)
-
-
-def read_recording(log: Path) -> Recording:
-    """Open `log` for a replay; raises LogError when not even one line of it is good."""
-    with LoadingBar(log) as bar:
-        return Recording.read(log, bar.show, cache=index_folder())
-
-
-class ExportBar(LiveBar):
-    """Counts the progress."""
-
-    def __init__(self, what: str, total: int) -> None:
-        """Show `what` is being done, up to `total`."""
-        self._progress = transient_bar(MofNCompleteColumn())
+    def __init__(self, what: str, total: int | None = None, *, of_bytes: bool = False) -> None:
+        """Show `what` is being done, up to `total`, if that is known yet."""
+        self._progress = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=24),
+            DownloadColumn() if of_bytes else MofNCompleteColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=PlainConsole(file=sys.stderr),
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+            disable=not sys.stderr.isatty(),
+        )
         self._task = self._progress.add_task(what, total=total)
 
-    def advance(self, count: int) -> None:
+    def show(self, done: int, total: int) -> None:
+        """Show that `done` of `total` are done."""
+        self._progress.update(self._task, completed=done, total=total)
+
+    def advance(self, count: int = 1) -> None:
         """Count that many more."""
         self._progress.advance(self._task, count)

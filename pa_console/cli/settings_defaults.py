@@ -1,7 +1,6 @@
 """Brings the user's settings to the verbs: as defaults of their options, and as a whole."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, cast
 
 import typer
@@ -10,14 +9,8 @@ from pa_console.settings.sources import LoadedSettings, load_settings
 
 WITHOUT = ("settings", "doctor")
 """Verbs that must work with a settings file that cannot be used: they mend it."""
-
-
-@dataclass(frozen=True)
-class _SettingsOption:
-    """The settings of `--set`, and the loaded settings with them."""
-
-    given: Mapping[str, object]
-    loaded: LoadedSettings | None = None
+OBSERVED = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
+"""The options of a session that are settings of what observes it."""
 
 
 def read_assignments(words: Sequence[str]) -> dict[str, object]:
@@ -40,17 +33,11 @@ def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
     Raises DocumentError for settings that are wrong.
     """
     given = read_assignments(words)
-    loaded = None
     if context.invoked_subcommand not in WITHOUT:
         loaded = load_settings(given)
         loaded.export()
         context.default_map = _defaults(loaded)
-    context.obj = _SettingsOption(given, loaded)
-
-
-def given_settings(context: typer.Context) -> Mapping[str, object]:
-    """Return what `--set` gives."""
-    return _chosen(context).given
+        context.obj = loaded
 
 
 def given_words(context: typer.Context) -> list[str]:
@@ -65,17 +52,8 @@ def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
         for name in names
         if (source := context.get_parameter_source(name)) and source.name == "COMMANDLINE"
     }
-    chosen = _chosen(context)
-    return (chosen.loaded or load_settings(chosen.given)).with_options(typed)
-
-
-OBSERVED = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
-"""The options of a session that are settings of what observes it."""
-
-
-def _chosen(context: typer.Context) -> _SettingsOption:
-    found = context.find_root().obj
-    return found if isinstance(found, _SettingsOption) else _SettingsOption({})
+    loaded = context.find_root().obj
+    return (loaded if isinstance(loaded, LoadedSettings) else load_settings()).with_options(typed)
 
 
 def _defaults(loaded: LoadedSettings) -> dict[str, Any]:

@@ -1,13 +1,10 @@
 """The schema of all settings, from which file, screen and help are made."""
 
-import ast
-import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -61,7 +58,7 @@ KEYS_FORM = (
 
 
 def _shown(group: str, title: str, *, restart: bool = True, form: str = "", **limits: Any) -> Any:
-    """Return a field's properties on the screen; its attribute docstring is its help.
+    """Return a field's properties on the screen; the text after them is its help.
 
     `restart` is True if a change needs a restart, and `form` shows the form of a value that is more
     than one word or number. `limits` are those of pydantic's Field.
@@ -75,169 +72,227 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    model: Annotated[str, _shown("Session", "Model")] = ""
-    """The model that plans and judges: a name of the catalogue, or the path of a GGUF file. Empty
-    is the catalogue's default. A model on a server plans, openai:BASE_URL#NAME; the default judges,
-    and takes over when the server is unreachable."""
-
-    second_reader: Annotated[str, _shown("Session", "Second reader")] = ""
-    """The model that reads an order again if the first is unsure. Empty is the model's companion,
-    if it was pulled; off is none. It may be on a server."""
-
-    judge_server: Annotated[str, _shown("Session", "Judge's server")] = ""
-    """A model on a server that judges, openai:BASE_URL#NAME. Empty: the local model judges."""
-
+    model: Annotated[
+        str,
+        _shown("Session", "Model"),
+        "The model that plans and judges: a name of the catalogue, or the path of a GGUF file. "
+        "Empty is the catalogue's default. A model on a server plans, openai:BASE_URL#NAME; the "
+        "default judges, and takes over when the server is unreachable.",
+    ] = ""
+    second_reader: Annotated[
+        str,
+        _shown("Session", "Second reader"),
+        "The model that reads an order again if the first is unsure. Empty is the model's "
+        "companion, if it was pulled; off is none. It may be on a server.",
+    ] = ""
+    judge_server: Annotated[
+        str,
+        _shown("Session", "Judge's server"),
+        "A model on a server that judges, openai:BASE_URL#NAME. Empty: the local model judges.",
+    ] = ""
     server_patience_s: Annotated[
-        float, _shown("Session", "Patience with a server", ge=1.0, le=50.0)
+        float,
+        _shown("Session", "Patience with a server", ge=1.0, le=50.0),
+        "Seconds to wait for a model on a server before the local model takes over.",
     ] = 20.0
-    """Seconds to wait for a model on a server before the local model takes over."""
-
-    plain_servers: Annotated[bool, _shown("Session", "Unencrypted servers")] = False
-    """Whether orders and the picture may be sent to a server on another machine without https."""
-
-    require_sandbox: Annotated[bool, _shown("Session", "Confined model only")] = False
-    """Whether to refuse a session on a system that cannot confine the model's process; `doctor`
-    tests that."""
-
-    live_reading: Annotated[bool, _shown("Session", "Live reading", restart=False)] = True
-    """Whether an order is read while you type it, and its reading shown under the mission field.
-    Nothing is sent or logged before Enter."""
-
-    world: Annotated[str, _shown("Session", "World", min_length=1)] = "checkpoint"
-    """The world that the console opens: an installed name, a folder or a file."""
-
-    rules: Annotated[str, _shown("Session", "Rules", min_length=1)] = "checkpoint"
-    """The rule set in force: an installed name, or the path of a file."""
-
-    speed: Annotated[float, _shown("Session", "Speed", ge=1.0, le=8.0)] = 1.0
-    """Simulated seconds per second when the console opens."""
-
-    alarms: Annotated[bool, _shown("Approval and alarms", "Alarms become missions")] = True
-    """Whether an alarm queues a mission by itself. Every plan still waits for you."""
-
+    plain_servers: Annotated[
+        bool,
+        _shown("Session", "Unencrypted servers"),
+        "Whether orders and the picture may be sent to a server on another machine without https.",
+    ] = False
+    require_sandbox: Annotated[
+        bool,
+        _shown("Session", "Confined model only"),
+        "Whether to refuse a session on a system that cannot confine the model's process; "
+        "`doctor` tests that.",
+    ] = False
+    live_reading: Annotated[
+        bool,
+        _shown("Session", "Live reading", restart=False),
+        "Whether an order is read while you type it, and its reading shown under the mission "
+        "field. Nothing is sent or logged before Enter.",
+    ] = True
+    world: Annotated[
+        str,
+        _shown("Session", "World", min_length=1),
+        "The world that the console opens: an installed name, a folder or a file.",
+    ] = "checkpoint"
+    rules: Annotated[
+        str,
+        _shown("Session", "Rules", min_length=1),
+        "The rule set in force: an installed name, or the path of a file.",
+    ] = "checkpoint"
+    speed: Annotated[
+        float,
+        _shown("Session", "Speed", ge=1.0, le=8.0),
+        "Simulated seconds per second when the console opens.",
+    ] = 1.0
+    alarms: Annotated[
+        bool,
+        _shown("Approval and alarms", "Alarms become missions"),
+        "Whether an alarm queues a mission by itself. Every plan still waits for you.",
+    ] = True
     approval_delay_s: Annotated[
-        float, _shown("Approval and alarms", "Approval hold delay", restart=False, ge=0.2, le=10.0)
+        float,
+        _shown("Approval and alarms", "Approval hold delay", restart=False, ge=0.2, le=10.0),
+        "Quiet seconds before the approval panel takes a key, so that no stray key approves a "
+        "plan.",
     ] = 0.6
-    """Quiet seconds before the approval panel takes a key, so that no stray key approves a plan."""
-
     alert_from: Annotated[
         AlarmPriority,
         _shown("Approval and alarms", "Alert from", form="emergency, high, medium or low"),
+        "The lowest priority of an alarm that `--alert` tells people of at once.",
     ] = "high"
-    """The lowest priority of an alarm that `--alert` tells people of at once."""
-
     alert_after_min: Annotated[
-        float, _shown("Approval and alarms", "Alert again after", ge=0.0, le=240.0)
+        float,
+        _shown("Approval and alarms", "Alert again after", ge=0.0, le=240.0),
+        "Minutes without anybody acting after which an alarm, or a plan that waits, is told "
+        "again, and to the people of `--alert-later`; then at twice the interval each time. 0 is "
+        "never.",
     ] = 5.0
-    """Minutes without anybody acting after which an alarm, or a plan that waits, is told again, and
-    to the people of `--alert-later`; then at twice the interval each time. 0 is never."""
-
     check_deadline_ms: Annotated[
-        float, _shown("Approval and alarms", "Deadline of a check", ge=1.0, le=1000.0)
+        float,
+        _shown("Approval and alarms", "Deadline of a check", ge=1.0, le=1000.0),
+        "Milliseconds of processor time for one check of a rule. A slower check gives no result, "
+        "which blocks the plan.",
     ] = 10.0
-    """Milliseconds of processor time for one check of a rule. A slower check gives no result, which
-    blocks the plan."""
-
     standing_confidence: Annotated[
         float,
         _shown("Approval and alarms", "Standing instruction needs", restart=False, ge=0.0, le=1.0),
+        "The confidence, 0 to 1, that `--approve auto` needs to approve a plan. An order with "
+        "words that its reading leaves out is never approved in this way.",
     ] = 0.9
-    """The confidence, 0 to 1, that `--approve auto` needs to approve a plan. An order with words
-    that its reading leaves out is never approved in this way."""
-
     moment_grace_s: Annotated[
-        float, _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0)
+        float,
+        _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0),
+        "Seconds that a timed order may start late, which it reports. A time missed by more, as "
+        "while the machine slept, starts nothing, and an event says so.",
     ] = 60.0
-    """Seconds that a timed order may start late, which it reports. A time missed by more, as while
-    the machine slept, starts nothing, and an event says so."""
-
     shortest_interval_s: Annotated[
-        float, _shown("Approval and alarms", "Shortest interval", ge=1.0, le=3600.0)
+        float,
+        _shown("Approval and alarms", "Shortest interval", ge=1.0, le=3600.0),
+        "The shortest interval of a repeated order, seconds.",
     ] = 60.0
-    """The shortest interval of a repeated order, seconds."""
-
     patrol_stay_s: Annotated[
-        float, _shown("Approval and alarms", "Stay at each place of a patrol", ge=0.0, le=3600.0)
+        float,
+        _shown("Approval and alarms", "Stay at each place of a patrol", ge=0.0, le=3600.0),
+        "Seconds that an asset stays at each place of a patrol, unless the order says how long.",
     ] = 10.0
-    """Seconds that an asset stays at each place of a patrol, unless the order says how long."""
-
     patrol_laps: Annotated[
-        int, _shown("Approval and alarms", "Most laps of a patrol", ge=1, le=50)
+        int,
+        _shown("Approval and alarms", "Most laps of a patrol", ge=1, le=50),
+        "The most laps of a patrol. The console questions one with more laps or without an end.",
     ] = 10
-    """The most laps of a patrol. The console questions one with more laps or without an end."""
-
     stale_after_s: Annotated[
         float,
         _shown("Approval and alarms", "Telemetry is stale after", restart=False, ge=2.0, le=120.0),
+        "Seconds without telemetry after which the top line warns.",
     ] = 5.0
-    """Seconds without telemetry after which the top line warns."""
-
-    bell: Annotated[bool, _shown("Screen", "Bell", restart=False)] = True
-    """Whether the terminal's bell rings when a plan or an urgent alarm begins to wait for you."""
-
-    desktop_notices: Annotated[bool, _shown("Screen", "Desktop notices", restart=False)] = True
-    """Whether the terminal shows a desktop notice then (OSC 9 and OSC 777)."""
-
-    window_title: Annotated[bool, _shown("Screen", "Window title", restart=False)] = True
-    """Whether the title of the terminal's window names what waits for you."""
-
-    theme: Annotated[str, _shown("Screen", "Theme", restart=False, min_length=1)] = "pa-console"
-    """The colours of the console."""
-
-    mouse: Annotated[bool, _shown("Screen", "Mouse")] = True
-    """Whether the console uses the mouse; off leaves it to the terminal, to select text."""
-
-    history_kept: Annotated[int, _shown("Screen", "Missions remembered", ge=0, le=10_000)] = 200
-    """How many typed missions the arrow keys bring back in the mission field."""
-
-    logs: Annotated[WholePath | None, _shown("Files", "Session logs")] = None
-    """The folder that session logs are written to. Empty is the user's state folder."""
-
-    cache: Annotated[WholePath | None, _shown("Files", "Models and cache")] = None
-    """The folder of downloaded models and other cached files. Empty is the user's cache folder."""
-
-    signing_key: Annotated[WholePath | None, _shown("Files", "Signing key")] = None
-    """The file of the key that signs session logs; it is made on first use. Empty is the user's
-    config folder."""
-
-    witness: Annotated[WitnessTarget, _shown("Files", "Witness of session logs")] = ""
-    """A file on another disk, or an address with http:// or https://, that receives the signed
-    heads of the session log every 10 s and at every decision. Empty is none."""
-
-    traces: Annotated[CollectorAddress, _shown("Observability", "Traces")] = ""
-    """The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that receives every
-    mission as a trace. Empty is none."""
-
-    trace_words: Annotated[bool, _shown("Observability", "Words in traces")] = False
-    """Whether traces include the texts of operators and models, and who decided."""
-
-    metrics_port: Annotated[int, _shown("Observability", "Port of metrics", ge=0, le=65_535)] = 0
-    """The local port on which a session serves its metrics as Prometheus text. 0 is none."""
-
-    tak: Annotated[TakAddress, _shown("TAK maps", "TAK server")] = ""
-    """The TAK server that shows every session, such as tls://tak.example:8089. Empty is none."""
-
-    tak_origin: Annotated[str, _shown("TAK maps", "Origin on the earth")] = ""
-    """The position of (0, 0) of a world: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is the
-    origin in the world's file."""
-
-    tak_contacts: Annotated[
-        bool | None, _shown("TAK maps", "Contacts from TAK", form="on or off")
+    bell: Annotated[
+        bool,
+        _shown("Screen", "Bell", restart=False),
+        "Whether the terminal's bell rings when a plan or an urgent alarm begins to wait for you.",
+    ] = True
+    desktop_notices: Annotated[
+        bool,
+        _shown("Screen", "Desktop notices", restart=False),
+        "Whether the terminal shows a desktop notice then (OSC 9 and OSC 777).",
+    ] = True
+    window_title: Annotated[
+        bool,
+        _shown("Screen", "Window title", restart=False),
+        "Whether the title of the terminal's window names what waits for you.",
+    ] = True
+    theme: Annotated[
+        str,
+        _shown("Screen", "Theme", restart=False, min_length=1),
+        "The colours of the console.",
+    ] = "pa-console"
+    mouse: Annotated[
+        bool,
+        _shown("Screen", "Mouse"),
+        "Whether the console uses the mouse; off leaves it to the terminal, to select text.",
+    ] = True
+    history_kept: Annotated[
+        int,
+        _shown("Screen", "Missions remembered", ge=0, le=10_000),
+        "How many typed missions the arrow keys bring back in the mission field.",
+    ] = 200
+    logs: Annotated[
+        WholePath | None,
+        _shown("Files", "Session logs"),
+        "The folder that session logs are written to. Empty is the user's state folder.",
     ] = None
-    """Whether reports by others on the TAK server are shown as unverified contacts. Empty: only if
-    the server is reached over TLS or is on this machine."""
-
-    tak_certificate: Annotated[WholePath | None, _shown("TAK maps", "Certificate for TAK")] = None
-    """The client certificate for a TAK server: PEM, or PKCS #12 (.p12)."""
-
-    tak_key: Annotated[WholePath | None, _shown("TAK maps", "Key for TAK")] = None
-    """The key of that certificate (PEM). Empty is the same file."""
-
-    tak_authority: Annotated[WholePath | None, _shown("TAK maps", "Authority for TAK")] = None
-    """The certificate (PEM) of the authority that vouches for the TAK server."""
-
-    keys: Annotated[dict[str, str], _shown("Keys", "Keys", restart=False, form=KEYS_FORM)] = {}
-    """Other keys for the console's actions: an action's name and its keys, separated by commas."""
+    cache: Annotated[
+        WholePath | None,
+        _shown("Files", "Models and cache"),
+        "The folder of downloaded models and other cached files. Empty is the user's cache folder.",
+    ] = None
+    signing_key: Annotated[
+        WholePath | None,
+        _shown("Files", "Signing key"),
+        "The file of the key that signs session logs; it is made on first use. Empty is the "
+        "user's config folder.",
+    ] = None
+    witness: Annotated[
+        WitnessTarget,
+        _shown("Files", "Witness of session logs"),
+        "A file on another disk, or an address with http:// or https://, that receives the signed "
+        "heads of the session log every 10 s and at every decision. Empty is none.",
+    ] = ""
+    traces: Annotated[
+        CollectorAddress,
+        _shown("Observability", "Traces"),
+        "The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that receives "
+        "every mission as a trace. Empty is none.",
+    ] = ""
+    trace_words: Annotated[
+        bool,
+        _shown("Observability", "Words in traces"),
+        "Whether traces include the texts of operators and models, and who decided.",
+    ] = False
+    metrics_port: Annotated[
+        int,
+        _shown("Observability", "Port of metrics", ge=0, le=65_535),
+        "The local port on which a session serves its metrics as Prometheus text. 0 is none.",
+    ] = 0
+    tak: Annotated[
+        TakAddress,
+        _shown("TAK maps", "TAK server"),
+        "The TAK server that shows every session, such as tls://tak.example:8089. Empty is none.",
+    ] = ""
+    tak_origin: Annotated[
+        str,
+        _shown("TAK maps", "Origin on the earth"),
+        "The position of (0, 0) of a world: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is the "
+        "origin in the world's file.",
+    ] = ""
+    tak_contacts: Annotated[
+        bool | None,
+        _shown("TAK maps", "Contacts from TAK", form="on or off"),
+        "Whether reports by others on the TAK server are shown as unverified contacts. Empty: "
+        "only if the server is reached over TLS or is on this machine.",
+    ] = None
+    tak_certificate: Annotated[
+        WholePath | None,
+        _shown("TAK maps", "Certificate for TAK"),
+        "The client certificate for a TAK server: PEM, or PKCS #12 (.p12).",
+    ] = None
+    tak_key: Annotated[
+        WholePath | None,
+        _shown("TAK maps", "Key for TAK"),
+        "The key of that certificate (PEM). Empty is the same file.",
+    ] = None
+    tak_authority: Annotated[
+        WholePath | None,
+        _shown("TAK maps", "Authority for TAK"),
+        "The certificate (PEM) of the authority that vouches for the TAK server.",
+    ] = None
+    keys: Annotated[
+        dict[str, str],
+        _shown("Keys", "Keys", restart=False, form=KEYS_FORM),
+        "Other keys for the console's actions: an action's name and its keys, separated by commas.",
+    ] = {}
 
 
 @dataclass(frozen=True)
@@ -263,12 +318,11 @@ class Setting:
 def describe_settings() -> Mapping[str, Setting]:
     """Return every field of the schema by name, in the schema's order."""
     properties: Mapping[str, Mapping[str, Any]] = Settings.model_json_schema()["properties"]
-    helps = dict(_helps())
     return {
         name: Setting(
             name,
             about["title"],
-            helps[name],
+            next(text for text in Settings.model_fields[name].metadata if isinstance(text, str)),
             about["group"],
             about["restart"],
             Settings.model_fields[name].default,
@@ -277,20 +331,6 @@ def describe_settings() -> Mapping[str, Setting]:
         )
         for name, about in properties.items()
     }
-
-
-def _helps() -> Iterator[tuple[str, str]]:
-    """Yield every field with the docstring below it.
-
-    Pydantic can read these too, but does so with the import, which takes it 30 ms.
-    """
-    [settings] = ast.parse(inspect.getsource(Settings)).body
-    for pair in pairwise(cast(ast.ClassDef, settings).body):
-        match pair:
-            case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(text))):
-                yield name, " ".join(text.split())
-            case _:
-                pass
 
 
 def _limits(about: Mapping[str, Any]) -> str:

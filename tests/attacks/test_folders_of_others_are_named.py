@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.verbs.doctor_checks import check_folders
+from pa_console.cli.verbs.doctor.checks import check_folders
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.settings.sources import load_settings
 from pa_console.signing import KEY_VARIABLE, load_signer, site_keys

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli.verbs.doctor_checks import check_sessions
+from pa_console.cli.verbs.doctor.checks import check_sessions
 from pa_console.session.log.session_index import (
     INDEX_NAME,
     IndexLine,

@@ -103,7 +103,7 @@ def test_all_that_is_promised_is_tried() -> None:
 
 
 def test_a_confinement_that_does_not_hold_is_named_by_doctor() -> None:
-    from pa_console.cli.verbs.doctor_checks import confinement_words  # noqa: PLC0415
+    from pa_console.cli.verbs.doctor.models import confinement_words  # noqa: PLC0415
 
     all_well = confinement_words((Restriction(what="no network"),))
     assert (all_well.state, all_well.remedy) == ("ok", "")

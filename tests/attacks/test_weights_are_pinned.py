@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from pa_console.cli.verbs.doctor_checks import check_model
+from pa_console.cli.verbs.doctor.models import check_model
 from pa_console.llm.backend import GenerationEnd, ModelError, ModelUnavailableError, Request
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
@@ -116,7 +116,7 @@ def test_doctor_says_what_was_compared_with_what(
     def installed(_path: Path | None = None) -> Catalog:
         return known
 
-    monkeypatch.setattr("pa_console.cli.verbs.doctor_checks.Catalog.load", installed)
+    monkeypatch.setattr("pa_console.cli.verbs.doctor.models.Catalog.load", installed)
     assert "made at the first start" in next(check_model(NAME)).found
     whole = known.locate(NAME)
     if pinned:

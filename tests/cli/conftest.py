@@ -1,18 +1,15 @@
 """The command line inside the test's own process."""
 
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from pa_console.cli.sessions import mission as mission_session
-from pa_console.cli.sessions import opening
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.signing import KEY_VARIABLE
-from tests.cli.inside import Call, caller
-from tests.scripted import ScriptedEngine, plan
-
-FILL = plan(("Drone_T04", "move_to EastGate"))
-"""A plan that every rule admits."""
+from tests.cli.inside import FILL, Call, answer_with, caller
+from tests.cli.outside import Outside, Start
+from tests.scripted import ScriptedEngine
 
 
 @pytest.fixture(autouse=True)
@@ -31,14 +28,19 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
     """Put a scripted LLM in the place of the real one."""
     scripted = ScriptedEngine([FILL])
-
-    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
-        return scripted.model
-
-    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
-        return scripted
-
-    for verb in (mission_session, opening):
-        monkeypatch.setattr(verb, "find_model", find_model)
-        monkeypatch.setattr(verb, "Engine", new_engine)
+    answer_with(scripted, monkeypatch)
     return scripted
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Generator[Start]:
+    """Return what starts a `pa-console` as a process, which is ended after the test."""
+    started: list[Outside] = []
+
+    def begin(*words: str, **options: Any) -> Outside:
+        started.append(Outside(tmp_path, *words, **options))
+        return started[-1]
+
+    yield begin
+    for program in started:
+        program.close()

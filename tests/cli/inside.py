@@ -9,6 +9,12 @@ from typing import Any
 import pytest
 
 from pa_console.cli.main import main
+from pa_console.cli.sessions import mission, opening
+from pa_console.llm.models.catalogue import LocalModel
+from tests.scripted import ScriptedEngine, plan
+
+FILL = plan(("Drone_T04", "move_to EastGate"))
+"""A plan that every rule admits."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,20 @@ class Done:
 
 
 Call = Callable[..., Done]
+
+
+def answer_with(engine: ScriptedEngine, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put `engine` in the place of the model of a mission and of a console."""
+
+    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
+        return engine.model
+
+    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
+        return engine
+
+    for session in (mission, opening):
+        monkeypatch.setattr(session, "find_model", find_model)
+        monkeypatch.setattr(session, "Engine", new_engine)
 
 
 def caller(

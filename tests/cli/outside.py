@@ -167,3 +167,7 @@ class Outside:
         """End the process if it goes on."""
         self.process.kill()
         self.process.wait()
+
+
+Start = Callable[..., Outside]
+"""Starts a `pa-console` with these words and options of Outside."""

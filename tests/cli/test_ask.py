@@ -1,7 +1,6 @@
 """What an operator sees on the terminal before deciding, and what an answer comes to."""
 
 import io
-from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from pa_console.schema.mission import Decision
 from pa_console.session.state import SessionState
 from pa_console.terminal.mission import ask_decision, show_request
 from tests.cli.inside import Call, Done
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Start
 from tests.tui import story
 
 ORDER = "Send a drone to the east gate."
@@ -113,24 +112,10 @@ def test_a_blocked_plan_can_give_way_to_what_was_meant(monkeypatch: pytest.Monke
     assert decided(monkeypatch, "0\ny\n", **options).kind == "reject"
 
 
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Callable[..., Outside]]:
-    """Return what gives a mission at a terminal of its own, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin(order: str, *words: str) -> Outside:
-        started.append(Outside(tmp_path, "mission", order, *words, terminal=True))
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
-
-
 def test_a_question_at_the_terminal_is_answered_and_the_plan_is_asked_about_again(
-    start: Callable[..., Outside],
+    start: Start,
 ) -> None:
-    mission = start(ORDER)
+    mission = start("mission", ORDER, terminal=True)
     mission.until_shown("Approve?")
     for asked, answer in (
         ("Why not Drone_T02?", "it alone covers NorthGate"),
@@ -150,9 +135,9 @@ def test_a_question_at_the_terminal_is_answered_and_the_plan_is_asked_about_agai
 
 
 def test_a_question_is_answered_where_the_order_is_asked_back_about(
-    start: Callable[..., Outside],
+    start: Start,
 ) -> None:
-    mission = start("Send a drone to the gate with two guards.")
+    mission = start("mission", "Send a drone to the gate with two guards.", terminal=True)
     mission.until_shown("A number, or in words")
     mission.type("Why?\n")
     mission.until_shown("You asked: Why?")

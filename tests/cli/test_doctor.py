@@ -8,28 +8,29 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.verbs import doctor, doctor_checks
-from pa_console.cli.verbs import doctor as speed
-from pa_console.cli.verbs.doctor import (
-    check_server,
-    check_servers,
-    check_speed,
-    named_models,
-    speed_words,
-)
-from pa_console.cli.verbs.doctor_checks import (
+from pa_console.cli.verbs import doctor
+from pa_console.cli.verbs.doctor import checks as doctor_checks
+from pa_console.cli.verbs.doctor import models
+from pa_console.cli.verbs.doctor.checks import (
     Check,
     check_broker,
     check_build_tools,
     check_colours,
     check_folder,
     check_link,
-    check_memory,
-    check_model,
     check_schemes,
     check_size,
     check_unicode,
     load_or_default,
+)
+from pa_console.cli.verbs.doctor.models import (
+    check_memory,
+    check_model,
+    check_server,
+    check_servers,
+    check_speed,
+    named_models,
+    speed_words,
 )
 from pa_console.fleets import link
 from pa_console.fleets.link import GROUP, LinkNotice
@@ -53,7 +54,7 @@ PATH = "/home/ann/" + "a-long-folder/" * 12 + "file.gguf"
 
 def test_everything_is_looked_at(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PA_CONSOLE_MODEL", MODEL)
-    monkeypatch.setattr(speed, "LIMIT_S", 2.0)
+    monkeypatch.setattr(models, "LIMIT_S", 2.0)
     done = call("doctor", "--json")
     checks = {check["name"]: check for check in done.json["checks"]}
     assert checks.keys() >= {
@@ -252,10 +253,10 @@ def test_a_model_that_does_not_answer_in_time_or_fails_is_a_warning(
     def engine(_: LocalModel) -> ScriptedEngine:
         return scripted
 
-    monkeypatch.setattr(speed, "find_model", find_model)
-    monkeypatch.setattr(speed, "Engine", engine)
+    monkeypatch.setattr(models, "find_model", find_model)
+    monkeypatch.setattr(models, "Engine", engine)
     if answer is None:
-        monkeypatch.setattr(speed, "LIMIT_S", 0.05)
+        monkeypatch.setattr(models, "LIMIT_S", 0.05)
     check = check_speed("")
     assert words in check.found
     assert check.state == ("ok" if isinstance(answer, str) else "warning")

@@ -8,18 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.sessions import mission as mission_session
 from pa_console.fleets.authorization import Approval, Trust, UnsignedApproval
 from pa_console.fleets.key_folder import KeyFolder
-from pa_console.llm.local.engine import Engine
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.events import event as ev
 from pa_console.session.log.chain import read_log
 from pa_console.signing import KEY_VARIABLE, PASSPHRASE_VARIABLE, SigningError
 from tests.cli.inside import Call, Done
-from tests.scripted import ScriptedEngine, plan
-
-MOVE = plan(("Drone_T04", "move_to EastGate"))
 
 
 @pytest.fixture(autouse=True)
@@ -116,8 +110,8 @@ def test_another_station_takes_over(call: Call) -> None:
 def test_a_second_machine_joins_and_gets_what_the_owner_signs(
     call: Call, made: Done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    owner = KeyFolder()
-    other = KeyFolder(tmp_path / "other")
+    owner, other = KeyFolder(), KeyFolder(tmp_path / "other")
+    earlier_roster = owner.messages[0]
     person, station = other.join("bob", "south", owner.owner)
     with pytest.raises(SigningError, match="the key of no station of the roster is here"):
         other.keys()
@@ -125,9 +119,10 @@ def test_a_second_machine_joins_and_gets_what_the_owner_signs(
         other.revoke("bob")
     assert call("keys", "enrol", "person", "bob", person).code == 0
     assert call("keys", "enrol", "station", "south", station).code == 0
-    for message in KeyFolder().messages:
+    for message in owner.messages:
         assert other.take(message) == ""
-    assert "not newer" in other.take(owner.messages[0]) or owner.messages == other.messages
+    assert other.messages == owner.messages
+    assert "not newer" in other.take(earlier_roster)
     assert (other.keys().person, other.trust().in_command[:5]) == ("bob", "north")
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "third" / "key.pem"))
     joining = ("--role", "commander", "--station", "west", "--join", owner.owner)
@@ -240,18 +235,8 @@ def test_what_cannot_be_asked_for_is_said_with_its_line(
     assert f"{path}:2" in done.err.replace("\n", "")
 
 
-@pytest.mark.usefixtures("made")
-def test_a_mission_is_signed_by_whoever_has_the_keys(
-    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def model(_: str | None, **_options: object) -> LocalModel:
-        return LocalModel("scripted", Path("none.gguf"), "0" * 64)
-
-    def engine(_: LocalModel, **_options: bool) -> Engine:
-        return ScriptedEngine([MOVE]).engine()
-
-    monkeypatch.setattr(mission_session, "find_model", model)
-    monkeypatch.setattr(mission_session, "Engine", engine)
+@pytest.mark.usefixtures("made", "engine")
+def test_a_mission_is_signed_by_whoever_has_the_keys(call: Call, tmp_path: Path) -> None:
     log = tmp_path / "one.jsonl"
     done = call(
         "--set", "standing_confidence=0", "mission", "Send Drone_T04 to EastGate.",

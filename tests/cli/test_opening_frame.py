@@ -6,14 +6,13 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Generator
 from pathlib import Path
 
 import pytest
 
 from pa_console.terminal.opening_frame import KEPT, keep_frame, load_frame
 from pa_console.tui.over_frame import OPENING
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Start
 from tests.cli.terminal import screen
 
 ENTERED, LEFT = "\x1b[?1049h", "\x1b[?1049l"
@@ -32,20 +31,6 @@ def frame(tmp_path: Path) -> Path:
     file = tmp_path / "frame.ansi"
     keep_frame(file, ["\x1b[1;31mMap\x1b[0m", "Opening"])
     return file
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Callable[[], Outside]]:
-    """Return what starts a console on a terminal, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin() -> Outside:
-        started.append(Outside(tmp_path, "console", "--no-alarms", terminal=True))
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
 
 
 def text_of(written: str) -> str:
@@ -94,14 +79,15 @@ def test_a_key_for_the_screen_answers_no_question(frame: Path) -> None:
 
 
 def test_keys_that_are_typed_while_it_opens_come_to_the_prompt(
-    start: Callable[[], Outside],
+    start: Start,
 ) -> None:
-    before = start()
+    words = ("console", "--no-alarms")
+    before = start(*words, terminal=True)
     before.until("telemetry")
     before.process.send_signal(signal.SIGTERM)
     assert before.process.wait(WITHIN_S) == 143
     assert OPENING not in before.shown
-    again = start()
+    again = start(*words, terminal=True)
     again.until_shown(OPENING)
     again.type("Fill the gap")
     again.until_new(before.log)

@@ -6,40 +6,23 @@ import pty
 import re
 import signal
 import time
-from collections.abc import Callable, Generator
-from pathlib import Path
 
 import pytest
 
 from pa_console.schema.events import event as ev
-from pa_console.signing import KEY_VARIABLE
+from pa_console.schema.mission import Decision
 from pa_console.terminal.typed_lines import InputLines, read_answer
 from tests.cli.inside import Call
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Outside, Start
 from tests.tui import story
 
 pytestmark = pytest.mark.long
 
-Start = Callable[..., Outside]
 ORDER = "Fill the gap at EastGate."
 QUICK = ("--set", "approval_delay_s=0.2")
 PLAIN = (*QUICK, "console", "--plain", "--no-alarms")
 MOVES = re.compile(r"\x1b\[[0-9;?]*[A-HJKSTfhlsu]|\x1b[78]")
 """What moves the cursor or clears, in a terminal."""
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Start]:
-    """Return what starts a plain console, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin(*words: str, **how: bool) -> Outside:
-        started.append(Outside(tmp_path, *(words or PLAIN), **how))  # type: ignore[arg-type]
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
 
 
 def answered(console: Outside, line: str, kind: str) -> None:
@@ -55,10 +38,8 @@ def answered(console: Outside, line: str, kind: str) -> None:
     console.until(kind, again)
 
 
-def test_a_mission_goes_through_all_steps_in_lines(
-    start: Start, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    console = start(terminal=True)
+def test_a_mission_goes_through_all_steps_in_lines(start: Start, call: Call) -> None:
+    console = start(*PLAIN, terminal=True)
     console.until_shown("Type a mission")
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
@@ -74,12 +55,11 @@ def test_a_mission_goes_through_all_steps_in_lines(
     console.type("quit\n")
     assert console.process.wait(WITHIN_S) == 0
     assert not MOVES.search(console.shown)
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
     assert call("replay", str(console.log), "--verify").code == 0
 
 
 def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     answered(console, "approve", "command_sent")
@@ -99,7 +79,7 @@ def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start)
 
 
 def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     console.type("\x03")
@@ -115,7 +95,7 @@ def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
 
 
 def test_over_pipes_a_plan_is_rejected_once_nobody_can_answer(start: Start) -> None:
-    console = start(piped=True)
+    console = start(*PLAIN, piped=True)
     assert console.process.stdin is not None
     printed, told = console.process.communicate(f"{ORDER}\n".encode(), timeout=WITHIN_S)
     assert console.process.returncode == 0, told
@@ -126,7 +106,7 @@ def test_over_pipes_a_plan_is_rejected_once_nobody_can_answer(start: Start) -> N
 
 
 def test_it_ends_in_order_when_told_to(start: Start) -> None:
-    console = start(piped=True)
+    console = start(*PLAIN, piped=True)
     console.until("telemetry")
     console.process.send_signal(signal.SIGTERM)
     assert console.process.wait(WITHIN_S) == 143
@@ -138,53 +118,51 @@ def request(**options: object) -> ev.ApprovalRequested:
     return next(data for data in told if isinstance(data, ev.ApprovalRequested))
 
 
+def taken(line: str, **options: object) -> tuple[Decision, str]:
+    """Return the decision that a line comes to, and what it asks a yes for."""
+    answer = read_answer(line, request(**options))
+    assert answer is not None
+    assert answer.decision is not None, answer.problem
+    return answer.decision, answer.confirm
+
+
 def test_answers_are_whole_words_and_say_what_is_missing() -> None:
-    plain = request()
-    approved = read_answer("Approve", plain)
-    assert approved is not None
-    assert approved.decision is not None
-    assert approved.decision.kind == "approve"
-    assert not approved.confirm
+    approved, confirm = taken("Approve")
+    assert (approved.kind, confirm) == ("approve", "")
     for line in ("a", "y", "yes", "approved", "app", "go on", "Show me the west gate"):
-        assert read_answer(line, plain) is None
-    rejected = read_answer("reject because the drone is needed", plain)
-    assert rejected is not None
-    assert rejected.decision is not None
-    assert rejected.decision.reason == "the drone is needed"
+        assert read_answer(line, request()) is None
+    assert taken("reject because the drone is needed")[0].reason == "the drone is needed"
+
+
+@pytest.mark.parametrize(
+    ("line", "options", "problem"),
+    [
+        ("approve", {"broken": ("WF-03",), "blocked": ("WF-03: no",)},
+         "it cannot be approved: WF-03: no"),
+        ("approve", {"verdict": "Failure"}, "approve because REASON"),
+        ("modify Drone_T04 hold; Drone_T01 fly away", {}, "action 2"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_taken_is_said(line: str, options: dict[str, object], problem: str) -> None:
+    answer = read_answer(line, request(**options))
+    assert answer is not None
+    assert (answer.decision, problem in answer.problem) == (None, True)
 
 
 def test_what_is_broken_or_objected_to_needs_a_reason_or_a_yes() -> None:
-    blocked = read_answer("approve", request(broken=("WF-03",), blocked=("WF-03: no",)))
-    assert blocked is not None
-    assert (blocked.decision, blocked.problem) == (None, "it cannot be approved: WF-03: no")
-    objected = request(verdict="Failure")
-    bare = read_answer("approve", objected)
-    assert bare is not None
-    assert "approve because REASON" in bare.problem
-    given = read_answer("approve because I see it", objected)
-    assert given is not None
-    assert given.decision is not None
-    assert (given.decision.override_judge, given.decision.reason) == (True, "I see it")
-    assert given.confirm
-    warned = read_answer("approve", request(broken=("CAP-04",)))
-    assert warned is not None
-    assert "CAP-04" in warned.confirm
+    given, confirm = taken("approve because I see it", verdict="Failure")
+    assert (given.override_judge, given.reason, bool(confirm)) == (True, "I see it", True)
+    assert "CAP-04" in taken("approve", broken=("CAP-04",))[1]
 
 
-def test_a_plan_is_typed_anew_and_what_is_wrong_with_it_is_said() -> None:
-    changed = read_answer("modify Drone_T04 observe EastGate; Ugv_T02 hold", request())
-    assert changed is not None
-    assert changed.decision is not None
-    assert changed.decision.plan is not None
-    assert [a.command for a in changed.decision.plan.actions] == ["observe EastGate", "hold"]
-    wrong = read_answer("modify Drone_T04 hold; Drone_T01 fly away", request())
-    assert wrong is not None
-    assert wrong.decision is None
-    assert "action 2" in wrong.problem
+def test_a_plan_is_typed_anew() -> None:
+    changed, _ = taken("modify Drone_T04 observe EastGate; Ugv_T02 hold")
+    assert changed.plan is not None
+    assert [a.command for a in changed.plan.actions] == ["observe EastGate", "hold"]
 
 
 def test_a_session_in_lines_ends_with_its_terminal_while_a_plan_waits(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.until_shown("Type a mission")
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
@@ -209,7 +187,7 @@ async def test_the_lines_end_with_the_terminal_that_they_came_from(
 
 
 def test_a_question_is_answered_in_lines_while_a_plan_waits(start: Start) -> None:
-    console = start(terminal=True)
+    console = start(*PLAIN, terminal=True)
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     console.type("Why not Drone_T02?\n")

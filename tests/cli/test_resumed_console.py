@@ -1,45 +1,24 @@
 """A console that was killed is started again: it asks, goes on in the same log, moves nothing."""
 
 import signal
-from collections.abc import Callable, Generator
-from pathlib import Path
 
 import pytest
 
-from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Start
 from tests.cli.test_session_ends import ORDER, QUICK, set_moving
 
 pytestmark = pytest.mark.long
 
-Start = Callable[..., Outside]
 
-
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Start]:
-    """Return what starts a `pa-console` on a terminal, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin(*words: str) -> Outside:
-        started.append(Outside(tmp_path, *words, terminal=True))
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
-
-
-def test_a_killed_console_goes_on_where_it_was(
-    start: Start, tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    killed = start(*QUICK, "console", "--no-alarms")
+def test_a_killed_console_goes_on_where_it_was(start: Start, call: Call) -> None:
+    killed = start(*QUICK, "console", "--no-alarms", terminal=True)
     set_moving(killed)
     killed.process.kill()
     killed.process.wait(WITHIN_S)
     sent = killed.kinds.count("command_sent")
 
-    again = start(*QUICK, "console", "--no-alarms")
+    again = start(*QUICK, "console", "--no-alarms", terminal=True)
     again.until_shown("Go on from there?")
     assert ORDER in again.shown
     again.type("y\r")
@@ -50,20 +29,19 @@ def test_a_killed_console_goes_on_where_it_was(
     assert again.kinds.count("command_sent") == sent
     finished = [r["data"] for r in again.records if r["kind"] == "mission_finished"]
     assert [data["status"] for data in finished] == ["held"]
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
     assert call("replay", str(again.log), "--verify").code == 0
 
 
 def test_without_a_yes_a_new_session_begins_and_the_old_log_stays_as_it_is(
     start: Start,
 ) -> None:
-    killed = start("console", "--no-alarms")
+    killed = start("console", "--no-alarms", terminal=True)
     killed.until("telemetry")
     killed.process.kill()
     killed.process.wait(WITHIN_S)
     log, was = killed.log, killed.log.read_bytes()
 
-    again = start("console", "--no-alarms")
+    again = start("console", "--no-alarms", terminal=True)
     again.until_shown("Go on from there?")
     again.type("n\r")
     again.until_new(log)

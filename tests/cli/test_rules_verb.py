@@ -4,8 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.sessions import mission as mission_session
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.lint_states import example_states
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.events.event import SessionStarted
@@ -14,7 +12,6 @@ from pa_console.session.log.writer import LogWriter
 from tests.cli.inside import Call
 from tests.evaluation.sessions import RECON
 from tests.policy.book import RULES, write_rules
-from tests.scripted import ScriptedEngine
 from tests.station.test_effect import recorded
 
 CALM = "name: calm\ntitle: Nothing happens\nabout: for a test\nduration_s: 1\n"
@@ -77,19 +74,10 @@ def test_the_console_refuses_an_altered_set(
     assert "ALTERED since it was signed" in done.err
 
 
+@pytest.mark.usefixtures("engine")
 def test_with_unsigned_the_log_s_first_record_says_so(
-    call: Call, signed: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    call: Call, signed: Path, tmp_path: Path
 ) -> None:
-    engine = ScriptedEngine([])
-
-    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
-        return engine.model
-
-    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
-        return engine
-
-    monkeypatch.setattr(mission_session, "find_model", find_model)
-    monkeypatch.setattr(mission_session, "Engine", new_engine)
     alter(signed)
     scenario, log = tmp_path / "calm.yaml", tmp_path / "session.jsonl"
     scenario.write_text(CALM)

@@ -10,47 +10,42 @@ from pathlib import Path
 import httpx
 import pytest
 
-from pa_console.signing import KEY_VARIABLE
 from tests.cli.inside import Call
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Start
 
 ORDER = "Fill the gap at EastGate."
 
 
 @pytest.fixture
-def keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def keys(tmp_path: Path) -> Path:
     """Return the folder of this user's keys, which is not there yet."""
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
     return tmp_path / "key"
 
 
 def test_a_session_is_served_to_whoever_has_the_token_and_ends_in_order(
-    tmp_path: Path, keys: Path, call: Call
+    start: Start, keys: Path, call: Call
 ) -> None:
-    served = Outside(tmp_path, "serve", "--port", "0", "--no-alarms", terminal=True)
-    try:
-        served.until_shown("Ctrl-C ends the session")
-        (address,) = re.findall(r"(http://\S+)/docs", served.shown)
-        (token,) = re.findall(r"^(pa_\S+)", served.shown, re.MULTILINE)
-        with httpx.Client(
-            base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=WITHIN_S
-        ) as client:
-            assert client.post("/v1/missions", json={"text": ORDER}).status_code == 201
-            served.until("approval_requested")
-            while not (plans := client.get("/v1/plans").json()):
-                pass
-            (plan,) = plans
-            body = {
-                "kind": "approve",
-                "request_id": plan["request"]["request_id"],
-                "shown_sha256": plan["shown_sha256"],
-            }
-            assert client.post("/v1/decisions", json=body).json()["accepted"]
-            served.until("command_sent")
-            served.type("\x03")
-            assert served.process.wait(WITHIN_S) == 0
-    finally:
-        served.close()
+    served = start("serve", "--port", "0", "--no-alarms", terminal=True)
+    served.until_shown("Ctrl-C ends the session")
+    (address,) = re.findall(r"(http://\S+)/docs", served.shown)
+    (token,) = re.findall(r"^(pa_\S+)", served.shown, re.MULTILINE)
+    with httpx.Client(
+        base_url=address, headers={"Authorization": f"Bearer {token}"}, timeout=WITHIN_S
+    ) as client:
+        assert client.post("/v1/missions", json={"text": ORDER}).status_code == 201
+        served.until("approval_requested")
+        while not (plans := client.get("/v1/plans").json()):
+            pass
+        (plan,) = plans
+        body = {
+            "kind": "approve",
+            "request_id": plan["request"]["request_id"],
+            "shown_sha256": plan["shown_sha256"],
+        }
+        assert client.post("/v1/decisions", json=body).json()["accepted"]
+        served.until("command_sent")
+        served.type("\x03")
+        assert served.process.wait(WITHIN_S) == 0
     assert "Traceback" not in served.shown
     assert served.kinds.count("session_started") == 1
     assert "session_ended" in served.kinds[-2:]

@@ -5,48 +5,24 @@ import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Generator
 from pathlib import Path
 from time import monotonic
 
 import pytest
 
 from pa_console.cli.main import INTERRUPTED
-from pa_console.signing import KEY_VARIABLE
 from pa_console.station.assembly import load_site
 from tests.cli.inside import Call
-from tests.cli.outside import WITHIN_S, Outside
+from tests.cli.outside import WITHIN_S, Outside, Start
 from tests.cli.test_replay_verb import record
 
 pytestmark = pytest.mark.long
 
-Start = Callable[..., Outside]
 ORDER = "Fill the gap at EastGate."
 LAST = ("command_sent", "session_ended")
 READ_S = 1.0
 """Keys that come sooner are not heeded: nobody has read the plan yet."""
 QUICK = ("--set", "approval_delay_s=0.2")
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Generator[Start]:
-    """Return what starts a `pa-console`, which is ended after the test."""
-    started: list[Outside] = []
-
-    def begin(*words: str, **how: str | bool) -> Outside:
-        started.append(Outside(tmp_path, *words, **how))  # type: ignore[arg-type]
-        return started[-1]
-
-    yield begin
-    for program in started:
-        program.close()
-
-
-@pytest.fixture
-def verified(tmp_path: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], int]:
-    """Return what verifies a log as the operator does, and returns the exit code."""
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
-    return lambda log: call("replay", str(log), "--verify").code
 
 
 def _events(program: Outside) -> list[str]:
@@ -74,7 +50,7 @@ def set_moving(console: Outside) -> None:
     [("SIGTERM", 143, "SIGTERM"), ("hang-up", 129, "the terminal is gone")],
 )
 def test_a_console_that_is_ended_from_outside_brings_its_assets_to_safety_first(
-    start: Start, verified: Callable[[Path], int], how: str, code: int, reason: str
+    start: Start, call: Call, how: str, code: int, reason: str
 ) -> None:
     console = start(*QUICK, "console", "--no-alarms", terminal=True)
     set_moving(console)
@@ -88,13 +64,13 @@ def test_a_console_that_is_ended_from_outside_brings_its_assets_to_safety_first(
     assert hold["command"]["agent"] == "Drone_T04"
     assert hold["command"]["verb"] == "hold"
     assert reason in end["reason"]
-    assert verified(console.log) == 0
+    assert call("replay", str(console.log), "--verify").code == 0
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129),
                                               (signal.SIGINT, INTERRUPTED)])  # fmt: skip
 def test_a_mission_that_is_ended_from_outside_ends_its_session(
-    start: Start, verified: Callable[[Path], int], number: signal.Signals, code: int
+    start: Start, call: Call, number: signal.Signals, code: int
 ) -> None:
     mission = start("mission", ORDER, "--json", answers="none")
     mission.until("mission_received")
@@ -104,13 +80,11 @@ def test_a_mission_that_is_ended_from_outside_ends_its_session(
     assert printed == b""
     assert b"Traceback" not in told
     assert _events(mission)[-1] == "session_ended"
-    assert verified(mission.log) == 0
+    assert call("replay", str(mission.log), "--verify").code == 0
 
 
 @pytest.mark.parametrize("how", ["SIGTERM", "hang-up"])
-def test_a_mission_ends_while_it_asks_on_the_terminal(
-    start: Start, verified: Callable[[Path], int], how: str
-) -> None:
+def test_a_mission_ends_while_it_asks_on_the_terminal(start: Start, call: Call, how: str) -> None:
     mission = start("--set", "standing_confidence=0", "mission", ORDER, terminal=True)
     mission.until_shown("Approve?")
     if how == "SIGTERM":
@@ -120,7 +94,7 @@ def test_a_mission_ends_while_it_asks_on_the_terminal(
     assert mission.process.wait(WITHIN_S) == (143 if how == "SIGTERM" else 129)
     assert "command_sent" not in mission.kinds
     assert _events(mission)[-1] == "session_ended"
-    assert verified(mission.log) == 0
+    assert call("replay", str(mission.log), "--verify").code == 0
 
 
 def test_a_second_signal_does_not_wait_for_the_session_to_end(start: Start) -> None:

@@ -188,7 +188,7 @@ def test_without_its_libraries_it_says_what_to_install(
 ) -> None:
     for name in [name for name in sys.modules if name.startswith("pa_console.tak.")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "pa_console.cli.sessions.followed", raising=False)
+    monkeypatch.delitem(sys.modules, "pa_console.cli.sessions.on_map", raising=False)
     monkeypatch.setitem(sys.modules, "pytak", None)
     done = call("tak", "--server", "tcp://127.0.0.1", "--replay", str(log), *SEA)
     assert done.code == 2

@@ -11,7 +11,7 @@ from pa_console.session.log.chain import line_of, read_log
 from pa_console.session.log.signed_head import head_path
 from pa_console.session.log.writer import LogWriter
 from pa_console.signing import load_signer
-from tests.cli.inside import Call
+from tests.cli.inside import Call, Done
 from tests.session.story import PLAN, story
 from tests.session.tamper import OTHER, edited, long_story, rehashed, relinked, write_signed
 
@@ -22,12 +22,17 @@ def log(tmp_path: Path) -> Path:
     return write_signed(tmp_path / "s.jsonl", signer=load_signer())
 
 
+def chain(call: Call, log: Path, *words: str) -> Done:
+    """Verify a log without running its session again."""
+    return call("replay", str(log), "--verify", "--chain-only", *words)
+
+
 def test_an_intact_log_is_told_with_who_signed_it(call: Call, log: Path) -> None:
-    done = call("replay", str(log), "--verify", "--chain-only")
+    done = chain(call, log)
     assert done.code == 0, done.err
     assert f"{log}: 37 lines, chain intact, signed by SHA256:" in done.said
     assert "the key of this machine" in done.said
-    document = call("replay", str(log), "--verify", "--chain-only", "--json").json
+    document = chain(call, log, "--json").json
     assert (document["intact"], document["ok"], document["standing"]) == (True, True, "signed")
     assert document["lines"] == document["vouched"] == 37
     assert document["key"] == load_signer().fingerprint
@@ -36,20 +41,17 @@ def test_an_intact_log_is_told_with_who_signed_it(call: Call, log: Path) -> None
 def test_damage_is_told_with_its_line_and_kind(call: Call, log: Path) -> None:
     lines = log.read_bytes().splitlines(keepends=True)
     log.write_bytes(b"".join([*lines[:6], edited(lines[6]), *lines[7:]]))
-    done = call("replay", str(log), "--verify", "--chain-only")
+    done = chain(call, log)
     assert (done.code, done.out) == (2, "")
     assert f"{log}:7: edited-field: " in done.said
-    shown = call("replay", str(log), "--verify", "--chain-only", "--json")
+    shown = chain(call, log, "--json")
     assert shown.code == 2
     assert (shown.json["damage"], shown.json["first_bad_line"]) == ("edited-field", 7)
     log.write_bytes(b"".join(relinked([rehashed(lines[0], tick=9), *lines[1:]])))
-    assert f"{log}:1-2: rewritten: " in call("replay", str(log), "--verify", "--chain-only").said
+    assert f"{log}:1-2: rewritten: " in chain(call, log).said
     log.write_bytes(b"".join(lines))
     head_path(log).unlink()
-    assert (
-        f"{head_path(log)}: head-missing: "
-        in call("replay", str(log), "--verify", "--chain-only").said
-    )
+    assert f"{head_path(log)}: head-missing: " in chain(call, log).said
 
 
 def test_a_log_without_signatures_is_accepted_only_when_asked_for(
@@ -59,21 +61,21 @@ def test_a_log_without_signatures_is_accepted_only_when_asked_for(
     with LogWriter(log, "S1") as writer:
         for event in long_story():
             writer.append(event)
-    done = call("replay", str(log), "--verify", "--chain-only")
+    done = chain(call, log)
     assert done.code == 1
     assert "chain intact, not signed" in done.said
-    assert call("replay", str(log), "--verify", "--chain-only", "--unsigned").code == 0
-    assert call("replay", str(log), "--verify", "--chain-only", "--json").json["intact"] is False
+    assert chain(call, log, "--unsigned").code == 0
+    assert chain(call, log, "--json").json["intact"] is False
 
 
 def test_a_log_of_another_machine_needs_the_fingerprint_of_its_key(
     call: Call, tmp_path: Path
 ) -> None:
     log = write_signed(tmp_path / "s.jsonl", signer=OTHER)
-    done = call("replay", str(log), "--verify", "--chain-only", "--unsigned")
+    done = chain(call, log, "--unsigned")
     assert done.code == 2
     assert f"{log}:2: unknown-key: signed by an unknown key, {OTHER.fingerprint}" in done.said
-    known = call("replay", str(log), "--verify", "--chain-only", "--key", OTHER.fingerprint)
+    known = chain(call, log, "--key", OTHER.fingerprint)
     assert known.code == 0
     assert "the key of this machine" not in known.said
     wrong = call("replay", str(log), "--verify", "--key", "mine")
@@ -84,14 +86,11 @@ def test_a_log_of_another_machine_needs_the_fingerprint_of_its_key(
 def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_path: Path) -> None:
     log = tmp_path / "s.jsonl"
     with LogWriter(log, "S1", signer=load_signer(), clock=lambda: 0.0) as writer:
-        assert (
-            "not signed yet. The log is empty."
-            in call("replay", str(log), "--verify", "--chain-only").said
-        )
+        assert "not signed yet. The log is empty." in chain(call, log).said
         for event in long_story()[:5]:
             writer.append(event)
         writer.flush()
-        done = call("replay", str(log), "--verify", "--chain-only")
+        done = chain(call, log)
     assert done.code == 1
     assert "up to line 2 only" in done.said
     assert "4 unsigned records" in done.said
@@ -102,7 +101,7 @@ def test_a_clock_that_was_set_back_within_a_session_is_named(call: Call, tmp_pat
     back = [event.model_copy(update={"t": event.t - timedelta(hours=1)}) for event in told[9:20]]
     events = [*told[:9], *back, *told[20:]]
     log = write_signed(tmp_path / "s.jsonl", signer=load_signer(), events=events)
-    done = call("replay", str(log), "--verify", "--chain-only")
+    done = chain(call, log)
     assert done.code == 0
     back_by = timedelta(seconds=round((told[8].t - back[0].t).total_seconds()))
     number = next(
@@ -114,7 +113,7 @@ def test_a_clock_that_was_set_back_within_a_session_is_named(call: Call, tmp_pat
     assert f"The clock was set back by {back_by} {place}" in done.said
     jumps = [*told[:9], *back, *told[20:25], *back[:2]]
     log = write_signed(tmp_path / "t.jsonl", signer=load_signer(), events=jumps)
-    done = call("replay", str(log), "--verify", "--chain-only")
+    done = chain(call, log)
     assert f"The clock was set back 2 times, first by {back_by} {place}" in done.said
 
 
@@ -124,7 +123,7 @@ def test_a_clock_that_is_adjusted_by_less_than_a_second_is_no_remark(
     told = long_story()
     told[9] = told[9].model_copy(update={"t": told[8].t - timedelta(milliseconds=900)})
     log = write_signed(tmp_path / "s.jsonl", signer=load_signer(), events=told)
-    assert "the clock" not in call("replay", str(log), "--verify", "--chain-only").said.lower()
+    assert "the clock" not in chain(call, log).said.lower()
 
 
 @pytest.fixture(autouse=True)

@@ -15,16 +15,15 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from pa_console.cli.main import app, main
-from pa_console.cli.sessions import mission as mission_session
+from pa_console.cli.verbs import load_verb
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import EvaluationFolder
 from pa_console.evaluation.runner import Runner
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site
+from tests.cli.inside import FILL, answer_with
 from tests.evaluation.test_runner import SEND, jobs
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import ScriptedEngine
 
-FILL = plan(("Drone_T04", "move_to EastGate"))
 MISSION = re.compile(r"M\d{3}-[0-9a-f]{4}")
 LIMITS = {"min": None, "max": None, "clamp": False, "exists": False, "file_okay": True} | {
     "dir_okay": True,
@@ -165,7 +164,7 @@ def _verbs(command: Any, *words: str) -> Iterator[tuple[tuple[str, ...], Any]]:
     yield words, command
     if isinstance(command, TyperGroup):
         for name, below in command.commands.items():
-            yield from _verbs(below, *words, name)
+            yield from _verbs(below if words else load_verb(name), *words, name)
 
 
 def _parameters(verb: Any) -> Iterator[str]:
@@ -212,15 +211,7 @@ class Caller:
         self._rules = load_site("checkpoint", "checkpoint").rules_path
         self._shapes: dict[str, str] = {}
         self._prepare()
-
-        def find_model(_: str | None, *_progress: object, **_more: object) -> LocalModel:
-            return ScriptedEngine([FILL]).model
-
-        def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
-            return ScriptedEngine([FILL])
-
-        monkeypatch.setattr(mission_session, "find_model", find_model)
-        monkeypatch.setattr(mission_session, "Engine", new_engine)
+        answer_with(ScriptedEngine([FILL]), monkeypatch)
 
     def _prepare(self) -> None:
         """Write broken and changed files, and the results of a small evaluation."""

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from aiosmtpd.controller import Controller
 
-from pa_console.cli.sessions.alerting import AlertTargets
+from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.observing import observing
 from pa_console.observability.alert_delivery import AlertDelivery, receivers
 from pa_console.schema.events import event as ev
@@ -170,7 +170,7 @@ def test_a_session_tells_people_and_hears_of_it() -> None:
         "vehicle at EastGate", raised_s=1.0,
     )  # fmt: skip
     with WebReceiver() as web:
-        with observing(Settings(), "", AlertTargets((web.address,))) as beside:
+        with observing(Settings(), SessionOptions(alert=[web.address])) as beside:
             beside.observer(at(0, ev.AlarmRaised(alarm=urgent)))
             assert web.posted.get(timeout=10)["title"].endswith("emergency alarm: Track_04")
         assert beside.outside is not None

@@ -5,7 +5,7 @@ import threading
 import time
 from pathlib import Path
 
-from pa_console.cli.sessions.followed import JoinedEvents
+from pa_console.cli.sessions.on_map import JoinedEvents
 from pa_console.fleets import authorization as auth
 from pa_console.fleets.station_authority import Keys, StationAuthority
 from pa_console.fleets.vda5050.sharing import SharedSession

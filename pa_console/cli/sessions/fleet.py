@@ -30,12 +30,9 @@ if TYPE_CHECKING:
     from pa_console.fleets.vda5050.station_link import JoinedBus
     from pa_console.station.assembly import Site
 
-
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
 """The certificates of a station, of its second connection, which only receives, and of a console
 that joins its session."""
-
-
 FIRST_REPORTS_S = 5.0
 """The longest wait for a first report of each asset on a link, seconds."""
 
@@ -176,8 +173,8 @@ def _join_bus(url: str, certificates: Path | None, world: str, settings: Setting
     joined = join(address, own, receives)
     try:
         sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
-        larger, told = with_newcomers(loaded, joined)
-        for line in told:
+        larger, notices = with_newcomers(loaded, joined)
+        for line in notices:
             errors.print_line(line)
         if larger is not loaded:
             world = str(_keep(world_yaml(larger), loaded.name, settings.logs or default_folder()))
@@ -187,31 +184,24 @@ def _join_bus(url: str, certificates: Path | None, world: str, settings: Setting
     return FoundFleet(world, joined, sha256)
 
 
-def credentials_of(
-    address: "BrokerAddress", certificates: Path | None, name: str
-) -> "Credentials | None":
-    """Return the certificates of `name`; raises ValueError when they are missing, or in vain."""
-    from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
-
-    folder = _folder(address, certificates)
-    return Credentials.of(folder, name) if folder is not None else None
-
-
 def claim_credentials(
     address: "BrokerAddress", certificates: Path | None, role: str
 ) -> "Credentials | None":
-    """Return certificates of `role` for one connection, until it ends.
+    """Return certificates of `role` for one connection, until it ends; None where it needs none.
 
-    Raises ValueError as `credentials_of` does, and when other programs use all of them.
+    Raises ValueError as `certificate_folder` does, and when other programs use all of them.
     """
     from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
 
-    folder = _folder(address, certificates)
+    folder = certificate_folder(address, certificates)
     return Credentials.claim(folder, role) if folder is not None else None
 
 
-def _folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
-    """Return the folder of certificates, None where the bus has none; raises ValueError."""
+def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
+    """Return the folder of certificates for a bus, None for one without encryption.
+
+    Raises ValueError when they are missing, or in vain.
+    """
     if address.tls and certificates is None:
         raise ValueError(f"{address} needs --certificates FOLDER, of 'pa-console site init FOLDER'")
     if certificates is not None and not address.tls:

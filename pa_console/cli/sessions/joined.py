@@ -8,7 +8,8 @@ from pathlib import Path
 
 import typer
 
-from pa_console.cli.progress_bars import RecordsBar
+from pa_console.cli.options import SessionOptions
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.cli.sessions.fleet import JOINED, STATION, ask_passphrase, claim_credentials
 from pa_console.cli.sessions.live import LiveSession
 from pa_console.end_signals import end_signals, exit_code_of
@@ -27,16 +28,6 @@ from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.terminal.output import errors, require_keys
 
 CONNECT_S = 5.0
-
-
-@dataclass(frozen=True)
-class Joining:
-    """The place of the session to join, with its world and its rules."""
-
-    url: str
-    certificates: Path | None
-    world: str
-    rules: str
 
 
 @dataclass(frozen=True)
@@ -64,7 +55,7 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
         if not link.wait_connected(CONNECT_S):
             raise ValueError(f"no broker lets us in at {address}: {link.problem}")
         log = SharedLog(link, folder.trust(), folder.take)
-        with RecordsBar() as bar:
+        with TransientBar("reading the session") as bar:
             before = read_so_far(log, bar.show)
         yield FoundSession(log, before, folder)
     finally:
@@ -147,19 +138,28 @@ class JoinedSession:
 
 
 @contextmanager
-def joining(asked: Joining, settings: LoadedSettings) -> Generator[JoinedSession]:
-    """Join a session for as long as the context lasts.
+def joining(
+    url: str, options: SessionOptions, settings: LoadedSettings
+) -> Generator[JoinedSession]:
+    """Join the session at `url`, with the world and rules of `options`, while the context lasts.
 
-    Raises ValueError when there is no session, or no key here.
+    Raises ValueError when there is no session, no key here, or its world or rules are not here.
     """
-    with shared_session(asked.url, asked.certificates) as found:
+    with shared_session(url, options.certificates) as found:
         log, folder, address = found.log, found.folder, found.log.link.address
         person = folder.person()
-        world, rules = _site_of(found.before, asked, settings)
+        world = shared_world(found.before, options.world, settings)
+        started = _started_of(found.before)
+        rules = SessionSites((), (options.rules,)).rules_of(started)
+        if rules is None:
+            raise ValueError(
+                f"the rules {started.rules!r} of this session are not here as they are there; "
+                "give their file with --rules"
+            )
         signatory = Signatory(*person)
 
         def own_station() -> StationAuthority:
-            if (ours := claim_credentials(address, asked.certificates, STATION)) is not None:
+            if (ours := claim_credentials(address, options.certificates, STATION)) is not None:
                 ours.release()
             return StationAuthority(folder.keys(person), keep=folder.take)
 
@@ -171,24 +171,9 @@ def joining(asked: Joining, settings: LoadedSettings) -> Generator[JoinedSession
         )
 
 
-def _site_of(
-    events: list[Event], asked: Joining, settings: LoadedSettings
-) -> tuple[World, Rulebook]:
-    """Return the world and the rules of the session; raises ValueError where they are not here."""
-    world = world_of(events, asked.world, settings)
-    started = started_of(events)
-    rules = SessionSites((), (asked.rules,)).rules_of(started)
-    if rules is None:
-        raise ValueError(
-            f"the rules {started.rules!r} of this session are not here as they are there; "
-            "give their file with --rules"
-        )
-    return world, rules
-
-
-def world_of(events: list[Event], given: str, settings: LoadedSettings) -> World:
+def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> World:
     """Return the world of the session, which may be `given`; raises ValueError where it is not."""
-    started = started_of(events)
+    started = _started_of(events)
     near = (settings.values.logs or default_folder()) / "log"
     found = SessionSites((given,)).world_file(started, near)
     if found is None:
@@ -199,7 +184,7 @@ def world_of(events: list[Event], given: str, settings: LoadedSettings) -> World
     return open_world(str(found))[0]
 
 
-def started_of(events: list[Event]) -> SessionStarted:
+def _started_of(events: list[Event]) -> SessionStarted:
     """Return how the session was started; raises ValueError where it does not begin with that."""
     started = events[0].data
     if not isinstance(started, SessionStarted):

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 
+SHOWN = 5
+"""The number of missions and alarms that are named; the rest are counted."""
+
 
 @dataclass(frozen=True)
 class LiveSession:
@@ -182,10 +185,6 @@ def _accepted(error: ValueError) -> bool:
     """Ask on the terminal whether refused rules go in force all the same; Enter means no."""
     errors.print_line(str(error), style="bold red")
     return sys.stdin.isatty() and typer.confirm("Put these rules in force?", default=False)
-
-
-SHOWN = 5
-"""The number of missions and alarms that are named; the rest are counted."""
 
 
 def choose_session(

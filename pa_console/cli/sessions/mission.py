@@ -49,6 +49,9 @@ from pa_console.terminal.mission import (
 from pa_console.terminal.output import BAD_INPUT, errors, out, print_json
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
+ASKED_BACK = 5
+"""The exit code of a mission that ended with a question and its choices."""
+
 
 def run_mission(
     options: SessionOptions,
@@ -154,10 +157,6 @@ def _tell_end(
             out.print("no alarm needed a response")
         out.print_line(f"log: {path}")
     raise typer.Exit(code)
-
-
-ASKED_BACK = 5
-"""The exit code of a mission that ended with a question and its choices."""
 
 
 def _is_asked_back(trace: MissionTrace) -> bool:

@@ -1,15 +1,15 @@
-"""The observers of a verb's session by its settings, and the sources of outside reports."""
+"""What goes on beside a session: traces, metrics, alerts, a TAK map, and reports from outside."""
 
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from pa_console import __version__
-from pa_console.cli.options import naming_what_is_missing
-from pa_console.cli.sessions.alerting import NOBODY, AlertTargets, alerting
+from pa_console.cli.options import SessionOptions, naming_what_is_missing
 from pa_console.observability import Observer, Observing, observed
 from pa_console.schema.events.event import OutsideReport
 from pa_console.settings.schema import Settings
+from pa_console.station.alerts import Alerting, AlertRules
 from pa_console.station.notices import Outside
 from pa_console.terminal.output import errors
 
@@ -20,44 +20,6 @@ class Beside:
 
     observer: Observer
     outside: Outside | None = None
-
-
-@contextmanager
-def observing(
-    settings: Settings, world: str = "", alerts: AlertTargets = NOBODY, *, live: bool = False
-) -> Generator[Beside]:
-    """Yield the observers of a session; their problems are reported at the end.
-
-    With the name of a `world`, the session is shown on the map of a TAK server, if one is set.
-    Changes of that connection are reported meanwhile if stderr is `live`: no screen is over it.
-    People are alerted at the addresses of `alerts`.
-    Raises ValueError for a port that cannot be listened on, for a library that is missing and for a
-    world without a place on the earth.
-    """
-    problems: list[str] = []
-    asked = Observing(
-        settings.traces, settings.trace_words, settings.metrics_port or None, __version__
-    )
-    try:
-        with ExitStack() as stack:
-            also, sources = list[Observer](), list[Outside]()
-            if world and settings.tak:
-                with naming_what_is_missing("tak", "TAK maps need"):
-                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
-                shown = stack.enter_context(
-                    on_map(settings, world, problems.append, _say if live else _nothing)
-                )
-                also.append(shown.take)
-                sources.append(shown.reports)
-            if alerts:
-                told = stack.enter_context(alerting(alerts, settings))
-                also.append(told.take)
-                sources.append(told)
-            outside = _Together(sources) if sources else None
-            yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
-    finally:
-        for problem in dict.fromkeys(problems):
-            errors.print_line(f"warning: {problem}", style="yellow")
 
 
 @dataclass(frozen=True)
@@ -71,9 +33,57 @@ class _Together:
         return [report for source in self.sources for report in source.news()]
 
 
-def _say(line: str) -> None:
-    errors.print_line(line, style="dim")
+@contextmanager
+def observing(
+    settings: Settings, options: SessionOptions, *, live: bool = False
+) -> Generator[Beside]:
+    """Yield the observers of a session; their problems are reported at the end.
+
+    Changes of the connection to a TAK server are reported meanwhile if stderr is `live`: no screen
+    is over it. Raises ValueError for a port that cannot be listened on, for a library that is
+    missing, for an address for alerts that is none, and for a world without a place on the earth.
+    """
+    problems: list[str] = []
+    asked = Observing(
+        settings.traces, settings.trace_words, settings.metrics_port or None, __version__
+    )
+
+    def report_change(line: str) -> None:
+        if live:
+            errors.print_line(line, style="dim")
+
+    try:
+        with ExitStack() as stack:
+            also, sources = list[Observer](), list[Outside]()
+            if settings.tak:
+                with naming_what_is_missing("tak", "TAK maps need"):
+                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
+                shown = stack.enter_context(
+                    on_map(settings, options.world, problems.append, report_change)
+                )
+                also.append(shown.take)
+                sources.append(shown.reports)
+            if options.alert or options.alert_later:
+                alerts = stack.enter_context(_alerting(options, settings))
+                also.append(alerts.take)
+                sources.append(alerts)
+            outside = _Together(sources) if sources else None
+            yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
+    finally:
+        for problem in dict.fromkeys(problems):
+            errors.print_line(f"warning: {problem}", style="yellow")
 
 
-def _nothing(_: str) -> None:
-    pass
+@contextmanager
+def _alerting(options: SessionOptions, settings: Settings) -> Generator[Alerting]:
+    """Yield the alerts about a session; raises ValueError for an address that is none."""
+    with naming_what_is_missing("alert", "alerts need"):
+        from pa_console.observability.alert_delivery import AlertDelivery, receivers  # noqa: PLC0415
+
+    rules = AlertRules(settings.alert_from, settings.alert_after_min * 60.0)
+    delivery = AlertDelivery(receivers(options.alert or (), options.alert_later or ()))
+    try:
+        with Alerting(rules, delivery) as alerts:
+            yield alerts
+    finally:
+        delivery.close()

@@ -1,17 +1,30 @@
-"""Shows the session of a verb on the map of a TAK server, and receives reports from there."""
+"""Sessions on the map of a TAK server: this console's own, another station's, or a recorded one."""
 
-from collections.abc import Callable, Generator
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
+from pa_console.cli.options import FollowOptions
+from pa_console.end_signals import end_signals, exit_code_of
 from pa_console.observability import Observer
+from pa_console.schema.events.event import Event
 from pa_console.schema.world import World
+from pa_console.session.log.writer import default_folder
+from pa_console.session.past_sessions import find_session
+from pa_console.session.recording import Recording
 from pa_console.settings.schema import Settings
+from pa_console.settings.sources import LoadedSettings
 from pa_console.sim.worlds.geography import geography_of
-from pa_console.station.assembly import open_world
+from pa_console.sim.worlds.world_file import open_world
+from pa_console.station.shared_log import LOOK_S, SharedLog
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.reports import TakReports
-from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap
+from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap, site_name
+from pa_console.terminal.output import errors
 
 
 @dataclass(frozen=True)
@@ -70,3 +83,126 @@ def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -
     """
     geography = geography_of(world, origin, "--origin, --tak-origin")
     return SiteOnMap(world, geography, name or world.name, replay)
+
+
+class JoinedEvents:
+    """The events from the bus; notices about the connection go to `tell`."""
+
+    def __init__(
+        self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
+    ) -> None:
+        """`before` are the events so far; only the last of their pictures is emitted."""
+        self.world = world
+        self._log, self._before, self._tell = log, before, tell
+
+    @property
+    def title(self) -> str:
+        """Whose session it is, and where."""
+        return f"the session of {self._log.stream.station} at {self._log.link.address}"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events as they come, None now and then, until the session or `ended` ends them."""
+        taken, problem = self._before, ""
+        while not ended():
+            pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
+            for number, event in enumerate(taken):
+                if event.data.kind != "telemetry" or number == pictures[-1]:
+                    yield event
+                if event.data.kind == "session_ended":
+                    return
+            if (now := self._log.problem or self._log.link.problem) != problem:
+                problem = now
+                self._tell(f"the bus: {problem}" if problem else "the bus: connected again")
+            self._log.link.wait_news(LOOK_S)
+            taken = self._log.take()
+            yield None
+
+
+@dataclass(frozen=True)
+class RecordedEvents:
+    """The recorded events, at their pace or another; each has the time when it is shown."""
+
+    recording: Recording
+    log: Path
+    world: World
+    speed: float
+
+    @property
+    def title(self) -> str:
+        """The id of the session, and its pace."""
+        return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
+
+    def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
+        """Yield events when they are due, None now and then, until the last or `ended`."""
+        begun, first = time.monotonic(), datetime.now(UTC)
+        for number in range(len(self.recording)):
+            due_s = self.recording.timeline.seconds[number] / self.speed
+            while not ended() and (left_s := begun + due_s - time.monotonic()) > 0:
+                time.sleep(min(left_s, LOOK_S))
+                yield None
+            if ended():
+                return
+            event = self.recording[number]
+            yield event.model_copy(update={"t": first + timedelta(seconds=due_s)})
+
+
+def show(asked: FollowOptions, settings: LoadedSettings) -> int:
+    """Send the session until it ends; return the exit code.
+
+    Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
+    """
+    server = TakServer.parse(
+        asked.server, Certificate.of(asked.tls_cert, asked.tls_key, asked.tls_ca)
+    )
+    name = site_name(asked.name) if asked.name is not None else ""
+    over, ended_by = threading.Event(), 0
+
+    def end(number: int) -> None:
+        nonlocal ended_by
+        ended_by = number
+        over.set()
+
+    with _opened(asked, settings) as followed:
+        site = placed(followed.world, asked.origin, name, replay=bool(asked.replay))
+        connection = TakConnection(server, site.uid("station"), _report)
+        pace = asked.speed if asked.replay else 1.0
+        shown = SessionOnMap(site, connection, asked.every, pace)
+        if server.open_to_all:
+            _report(f"warning: {server.warning}")
+        try:
+            with end_signals(end), connection:
+                _report(f"{followed.title}; Ctrl-C ends it")
+                try:
+                    for event in followed.events(over.is_set):
+                        if event is not None:
+                            shown.take(event)
+                finally:
+                    shown.end()
+        finally:
+            _report(connection.words)
+    return exit_code_of(ended_by) if ended_by else 0
+
+
+@contextmanager
+def _opened(
+    asked: FollowOptions, settings: LoadedSettings
+) -> Generator[JoinedEvents | RecordedEvents]:
+    """Open the recorded or the shared session; raises ValueError when there is none."""
+    if asked.replay:
+        from pa_console.cli.sessions.recorded import read_recording, world_of  # noqa: PLC0415
+
+        log = find_session(settings.values.logs or default_folder(), asked.replay)
+        recording = read_recording(log)
+        world, _ = open_world(world_of(recording.started, asked.world, log))
+        yield RecordedEvents(recording, log, world, asked.speed)
+        return
+    from pa_console.cli.sessions.joined import shared_session, shared_world  # noqa: PLC0415
+
+    with shared_session(asked.join, asked.certificates) as shared:
+        world = shared_world(shared.before, asked.world or settings.values.world, settings)
+        yield JoinedEvents(shared.log, shared.before, world, _report)
+
+
+def _report(line: str) -> None:
+    """Print one line on stderr."""
+    errors.print_line(line)

@@ -49,13 +49,10 @@ def open_console(
                 chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
             )
             found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
-            from pa_console.cli.sessions.alerting import AlertTargets  # noqa: PLC0415 - meanwhile
             from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
-            beside = observes.enter_context(
-                observing(values, options.world, AlertTargets.of(options))
-            )
+            beside = observes.enter_context(observing(values, options))
             engine = Engine(found.result(), require_sandbox=options.require_sandbox)
         loop.run(engine.start())
         try:

@@ -1,36 +1,70 @@
-"""Opens the console on a recording."""
+"""Recorded sessions: shown on the console, verified, run again, and compared with each other."""
 
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
+from rich.text import Text
 
-from pa_console.cli.progress_bars import read_recording
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.end_signals import end_signals, exit_code_of
+from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
+from pa_console.evaluation.twin import Resimulation, resimulate
+from pa_console.policy.retriever import Retriever
 from pa_console.resources import find_data
-from pa_console.schema.events.event import SessionStarted
-from pa_console.session.recording import Recording
+from pa_console.schema.document import DocumentError
+from pa_console.schema.events.event import Event, SessionStarted
+from pa_console.schema.incident import Scenario
+from pa_console.schema.text import count
+from pa_console.schema.world import World
+from pa_console.session.log.chain import LogError, line_of
+from pa_console.session.log.session_index import check_index, index_path
+from pa_console.session.log.signed_head import WitnessResult, check_witness, head_path
+from pa_console.session.log.verification import VerifyResult, verify
+from pa_console.session.recording import Player, Recording
 from pa_console.settings.sources import LoadedSettings
+from pa_console.signing import is_fingerprint, known_keys
+from pa_console.sim.worlds.scenario_file import open_scenario
+from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import SessionSites, Site, load_site
-from pa_console.terminal.output import errors, require_keys
+from pa_console.terminal.output import (
+    BAD_INPUT,
+    FAILED,
+    errors,
+    out,
+    print_json,
+    require_keys,
+)
+from pa_console.tui.recordings import index_folder
+from pa_console.views.comparison import EventDifference, SessionComparison, compare_sessions
+from pa_console.views.event_words import event_in_words, kind_in_words
 
 if TYPE_CHECKING:
     from pa_console.tui.app import Opening
+
+CHANGES = 12
+"""The number of different values that are printed; --json has all."""
+
+
+def read_recording(log: Path) -> Recording:
+    """Open `log` for a replay; raises LogError when not even one line of it is good."""
+    with TransientBar(f"reading {log.name}", of_bytes=True) as bar:
+        return Recording.read(log, bar.show, cache=index_folder())
 
 
 def play(log: Path, world: str | None, settings: LoadedSettings) -> None:
     """Show the recording, with the world and the rules that it names."""
     recording = read_recording(log)
-    run_console(site_of(recording, log, world), recording, settings)
+    _run_console(_site_of(recording, log, world), recording, settings)
 
 
-def run_console(
+def _run_console(
     site: Site, recording: Recording, settings: LoadedSettings, opening: "Opening | None" = None
 ) -> None:
     """Run the console over the recording, until it is left; `opening` shows other screens first."""
-    from pa_console.policy.retriever import Retriever  # noqa: PLC0415 - only when it is shown
-    from pa_console.session.recording import Player  # noqa: PLC0415
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
 
     require_keys("use --verify or --compare in scripts")
     app = ConsoleApp(
@@ -49,7 +83,7 @@ def run_console(
         raise typer.Exit(exit_code_of(leaving.ended_by))
 
 
-def site_of(recording: Recording, log: Path, world: str | None) -> Site:
+def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
     """Return the world and the rules of a session, and report their changes since.
 
     Raises LogError for a file that is no session, ValueError when its world is not installed here.
@@ -75,3 +109,322 @@ def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
             f"the world {name!r} of this session is not installed here; give its file with --world"
         )
     return str(beside)
+
+
+@dataclass(frozen=True)
+class ReplaySetup:
+    """The world, rules and scenario of a session that are not installed here as they were."""
+
+    world: str | None = None
+    scenario: str | None = None
+    rules: str | None = None
+
+
+@dataclass(frozen=True)
+class Again:
+    """The result of a session that was run again; `line` is that of the first other telemetry.
+
+    `decided` is None when the rules of the session are not here.
+    """
+
+    twin: Resimulation
+    line: int | None
+    decided: SessionEffect | None
+    problem: LogError | None
+
+    @property
+    def equal(self) -> bool:
+        """True if everything came out as it was recorded."""
+        return self.twin.equal and self.decided is not None and not self.decided.flips
+
+    def document(self) -> dict[str, Any]:
+        """Return all of it for `--json`."""
+        decided = None if self.decided is None else asdict(self.decided)
+        return {**asdict(self.twin), "first_line": self.line, "decided": decided}
+
+
+def _run_again(log: Path, place: ReplaySetup) -> Again:
+    """Run the session of `log` again with its recorded decisions and answers.
+
+    Raises ValueError (DocumentError) when its world or scenario is not here, LogError for a file
+    that is no session.
+    """
+    recording = read_recording(log)
+    started = recording.started
+    sites = SessionSites(
+        worlds=[place.world] if place.world else (), rules=[place.rules] if place.rules else ()
+    )
+    world, path = _original_world(sites, started, place.world, log)
+    situation = _situation(world, path, place.scenario, started)
+    with errors.status(f"running {count(len(recording), 'event')} again"):
+        twin = resimulate(_events(recording), world, situation)
+        rules = sites.rules_of(started)
+        decided = None if rules is None else decided_again(_events(recording), world, rules)
+    line = line_of(log, twin.first_event) if twin.first_event is not None else None
+    return Again(twin, line, decided, recording.problem)
+
+
+def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
+    """Run the session of `log` again and report the result; leaves with 1 for a difference.
+
+    A log that cannot be read to its end is compared up to there, and then raises its LogError.
+    """
+    again = _run_again(log, place)
+    if json:
+        print_json(again.document())
+    else:
+        _print_again(log, again)
+    if not again.equal:
+        raise typer.Exit(FAILED)
+    if again.problem is not None:
+        raise again.problem
+
+
+def _print_again(log: Path, again: Again) -> None:
+    """Print what came out equal, and what did not."""
+    twin, decided = again.twin, again.decided
+    if twin.equal:
+        out.print_line(
+            f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
+            f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
+        )
+    else:
+        at = f"{log}:{again.line}" if again.line is not None else str(log)
+        errors.print_line(
+            f"{at}: {twin.different} of {twin.pictures} pictures and "
+            f"{twin.different_rehearsals} of {twin.rehearsals} rehearsals differ, first at "
+            f"{twin.first_difference}"
+        )
+    if decided is None:
+        errors.print_line(
+            f"{log}: the rules of this session are not here as they were: what they said of its "
+            "plans was not decided again; give their file with --rules"
+        )
+        return
+    for flip in decided.flips:
+        where = f"{flip.mission} attempt {flip.attempt}" if flip.attempt else flip.mission
+        rules = ", ".join(flip.rules)
+        errors.print_line(
+            f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}"
+        )
+    if not decided.flips:
+        left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
+        out.print_line(
+            f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
+            f"{count(decided.missions, 'mission')} decided again, all equal{left}"
+        )
+
+
+def _original_world(
+    sites: SessionSites, started: SessionStarted, given: str | None, log: Path
+) -> tuple[World, Path]:
+    """Return the session's world by its hash, or the one given in its place."""
+    path = sites.world_file(started, log)
+    if path is None and given is not None:
+        errors.print_line(f"note: {given} is not the world of this session as it was then")
+        return open_world(given)
+    world = sites.world_of(started, log)
+    assert path is not None
+    return world, path
+
+
+def _situation(
+    world: World, path: Path, given: str | None, started: SessionStarted
+) -> Scenario | None:
+    """Return the session's scenario, if it had one, or the one given in its place.
+
+    Raises ValueError when the one of its name is not the one that its log pins.
+    """
+    played = given or started.scenario
+    if not played:
+        return None
+    try:
+        found = open_scenario(world, path, played)
+    except DocumentError as error:
+        if given is not None:
+            raise
+        raise ValueError(f"{error}; give the session's own file with --scenario") from error
+    pinned = started.scenario_sha256
+    if pinned and found.sha256 != pinned:
+        if given is None:
+            raise ValueError(
+                f"the scenario {played!r} of this session is not here as it was then "
+                f"(SHA-256 {pinned[:12]}); give its file with --scenario"
+            )
+        errors.print_line(f"note: {given} is not the scenario of this session as it was then")
+    return found.scenario
+
+
+def _events(recording: Recording) -> Iterator[Event]:
+    return (recording[index] for index in range(len(recording)))
+
+
+def compare_logs(first: Path, second: Path, json: bool) -> None:
+    """Print where the logs differ, if they do; leaves with FAILED then.
+
+    Logs that are equal up to where one of them cannot be read raise its LogError.
+    """
+    a, b = read_recording(first), read_recording(second)
+    with errors.status("comparing") as status:
+
+        def going_on(done: int, total: int) -> None:
+            status.update(f"comparing, {done} of {count(total, 'event')}")
+
+        found = compare_sessions(a, b, going_on)
+    problem = a.problem or b.problem
+    if json:
+        print_json({"same": found.same and not problem, **asdict(found)})
+    elif found.same and not problem:
+        out.print(f"the same: {count(len(a), 'event')}")
+    else:
+        _print(found, (a, b), (first, second))
+    if problem is not None:
+        errors.print_line(f"note: {problem}", style="yellow")
+    if not found.same:
+        raise typer.Exit(FAILED)
+    if problem is not None:
+        raise problem
+
+
+def show_compared(first: Path, second: Path, world: str | None, settings: LoadedSettings) -> None:
+    """Open the console on the first log, with both at the point of difference over it."""
+    from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
+
+    recording = read_recording(first)
+    site = _site_of(recording, first, world)
+    rules = {rule.id: rule for rule in site.rulebook.rules}
+    known = KnownWorld(site.world, site.world_sha256)
+    one = OpenedLog(first.name, recording, site.world, rules)
+    other = open_compared(second, known)
+    _run_console(site, recording, settings, comparison(one, other))
+
+
+def _print(
+    found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
+) -> None:
+    for letter, name, recording in zip("AB", names, both, strict=True):
+        out.print_line(f"{letter}  {name}: {count(len(recording), 'event')}")
+    if found.started:
+        out.print("\nstarted differently", style="bold")
+        for change in found.started:
+            out.print_line(f"  {change.path}: {change.a} | {change.b}")
+    if found.first is None:
+        out.print("\nevery event means the same in both")
+    else:
+        _print_difference("first difference", found.first, both)
+    if found.beyond is not None:
+        _print_difference("first difference beyond telemetry and ticks", found.beyond, both)
+
+
+def _print_difference(
+    title: str, found: EventDifference, both: tuple[Recording, Recording]
+) -> None:
+    out.print(f"\n{title}", style="bold")
+    for letter, recording, at in zip("AB", both, (found.a, found.b), strict=True):
+        if at >= len(recording):
+            out.print(f"  {letter}  ends after {count(len(recording), 'event')}")
+            continue
+        event = recording[at]
+        words = f"{event.mission or ''} {kind_in_words(event.data.kind)}".strip()
+        said = event_in_words(event.data)
+        when = f"{recording.timeline.seconds[at]:.1f} s, tick {event.tick}"
+        line = Text(f"  {letter}  event {at + 1}, {when}: ")
+        line.append(words, "bold").append(f" {said[:160]}")
+        out.print_line(line)
+    for change in found.changes[:CHANGES]:
+        out.print_line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
+    if len(found.changes) > CHANGES:
+        out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
+
+
+def _short(text: str) -> str:
+    flat = " ".join(text.split())
+    return flat if len(flat) <= 160 else f"{flat[:160]}…"
+
+
+@dataclass(frozen=True)
+class TrustedKeys:
+    """Fingerprints of keys that may have signed besides this machine's, or none at all.
+
+    `witness` is the file with the heads that a witness has seen.
+    """
+
+    keys: frozenset[str] = frozenset()
+    unsigned: bool = False
+    witness: Path | None = None
+
+    def accepts(self, result: VerifyResult) -> bool:
+        """Return whether a log is vouched for as far as it has to be."""
+        unsigned = self.unsigned and result.ok and result.standing == "not signed"
+        return result.intact or unsigned
+
+
+def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json: bool) -> None:
+    """Report if a log is sound; a sound one is run again at `place`, unless that is None.
+
+    Leaves with BAD_INPUT for damage, also to what the index of sessions or the witness tells of;
+    with FAILED for a log that is sound but not vouched for, or that did not come out equal. Raises
+    ValueError for what is no fingerprint.
+    """
+    for given in trust.keys:
+        if not is_fingerprint(given):
+            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
+    own = known_keys()
+    known = own | trust.keys
+    result, index = verify(log, known), check_index(log.parent, known)
+    seen = check_witness(log, result.session, trust.witness, known) if trust.witness else None
+    lost = index.of(log)
+    again, problem = None, ""
+    if place is not None and result.ok:
+        try:
+            again = _run_again(log, place)
+        except ValueError as error:
+            problem = str(error)
+    if json:
+        run = {"problem": problem} if again is None else again.document()
+        verdict = {"intact": result.intact and not lost, **asdict(result), "again": run}
+        print_json({**verdict, "index": index.all_problems, "witness": seen})
+    else:
+        _print_result(log, result, own)
+        if again is not None:
+            _print_again(log, again)
+        if problem:
+            errors.print_line(f"{log}: not run again: {problem}; or verify with --chain-only")
+        for index_problem in index.all_problems:
+            errors.print_line(f"{index_path(log.parent)}: {index_problem}")
+        if seen is not None:
+            _print_statement(log, trust.witness, seen)
+    if lost or (seen is not None and seen.line is not None):
+        raise typer.Exit(BAD_INPUT)
+    if seen is not None and not seen.ok:
+        raise typer.Exit(FAILED if result.ok else BAD_INPUT)
+    if not trust.accepts(result) or problem or (again is not None and not again.equal):
+        raise typer.Exit(FAILED if result.ok else BAD_INPUT)
+
+
+def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
+    if not result.ok:
+        place = f"{log}:{result.first_bad_line}" if result.first_bad_line else str(head_path(log))
+        place += f"-{result.last_bad_line}" if result.last_bad_line else ""
+        errors.print_line(f"{place}: {result.damage}: {result.problem}")
+        return
+    by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
+    standing = {
+        "signed": f"{by}.",
+        "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
+        "not signed": "not signed: nothing shows that it was not written anew.",
+    }[result.standing]
+    line = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
+    line += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
+    out.print_line(line)
+
+
+def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
+    """Report if the log has all heads that its witness has seen."""
+    if not seen.ok:
+        place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
+        errors.print_line(f"{place}: {seen.problem}")
+        return
+    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen"
+    out.print_line(f"{heads}, the last after record {seen.records}")

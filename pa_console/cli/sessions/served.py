@@ -6,7 +6,6 @@ from asyncio import Runner
 from contextlib import ExitStack, aclosing
 
 from pa_console.cli.options import SessionOptions
-from pa_console.cli.sessions.alerting import AlertTargets
 from pa_console.cli.sessions.live import LiveSession, open_live
 from pa_console.cli.sessions.log import tell_of_witness
 from pa_console.cli.sessions.observing import observing
@@ -33,7 +32,7 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
     values = settings.values
     with (
         listen(port) as listening,
-        observing(values, options.world, AlertTargets.of(options), live=True) as beside,
+        observing(values, options, live=True) as beside,
         ExitStack() as observes,
         Runner() as loop,
     ):

@@ -1,155 +1,46 @@
 """The verbs by name; the module of a verb is imported only when the verb is asked for."""
 
-from collections.abc import Generator, Iterator, Mapping
-from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from inspect import getdoc
-from pkgutil import resolve_name
-from typing import Any, NamedTuple, cast
+from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
-
-class Verb(NamedTuple):
-    """The place of a verb in this package, a function or the app of a group, and its help."""
-
-    place: str
-    line: str
-
-
 VERBS = {
-    "console": Verb(
-        "console:console",
-        "Open the console: live checkpoint, policy browser, missions, trace and approval.",
-    ),
-    "mission": Verb(
-        "mission:mission",
-        "Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's.",
-    ),
-    "serve": Verb(
-        "serve:serve",
-        "Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser.",
-    ),
-    "mcp": Verb(
-        "serve:mcp",
-        "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
-    ),
-    "replay": Verb(
-        "replay:replay",
-        "Play LOG back in the console, verify it, run it again, or compare it with another one.",
-    ),
-    "sessions": Verb(
-        "sessions:sessions",
-        "List the recorded sessions: what each was about, how it ended, whether its log is sound.",
-    ),
-    "doctor": Verb(
-        "doctor:doctor",
-        "Look for everything that the console needs; exit code 0 when nothing is missing.",
-    ),
-    "alert": Verb(
-        "alert:alert",
-        "Send a test alert to everybody who would be alerted; exit code 1 when one is not reached.",
-    ),
-    "export": Verb(
-        "export:app", "Write a recorded session as Markdown, MCAP, SVG or asciinema cast."
-    ),
-    "rules": Verb(
-        "rules:app", "List, search, check, lint, sign and compare rules, and trace what they did."
-    ),
-    "keys": Verb(
-        "keys:app",
-        "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
-    ),
-    "models": Verb("models:app", "List and pull language models."),
-    "eval": Verb(
-        "evaluate:app", "Run mission sets against models and variants of the pipeline; more below."
-    ),
-    "scenarios": Verb("world:scenarios_app", "List, show and check the situations of a world."),
-    "site": Verb(
-        "site:app", "Run the simulated checkpoint as a service on a message bus; more below."
-    ),
-    "tak": Verb(
-        "serve:tak",
-        "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
-        "there.",
-    ),
-    "world": Verb("world:app", "Generate a checkpoint world, make one from robots, or check one."),
-    "settings": Verb("settings:app", "Show, change and reset the settings."),
-    "manual": Verb("manual:manual", "Read the manual: list its pages, or show one of them."),
+    "console": "Open the console: live checkpoint, policy browser, missions, trace and approval.",
+    "mission": "Plan, check, rehearse, judge, decide, execute and verify one mission, or a "
+    "situation's.",
+    "serve": "Serve a session on loopback: an HTTP interface (see /docs), or the console in a "
+    "browser.",
+    "mcp": "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
+    "replay": "Play LOG back in the console, verify it, run it again, or compare it with another "
+    "one.",
+    "sessions": "List the recorded sessions: what each was about, how it ended, whether its log is "
+    "sound.",
+    "doctor": "Look for everything that the console needs; exit code 0 when nothing is missing.",
+    "alert": "Send a test alert to everybody who would be alerted; exit code 1 when one is not "
+    "reached.",
+    "export": "Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
+    "rules": "List, search, check, lint, sign and compare rules, and trace what they did.",
+    "keys": "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in "
+    "command.",
+    "models": "List and pull language models.",
+    "eval": "Run mission sets against models and variants of the pipeline; more below.",
+    "scenarios": "List, show and check the situations of a world.",
+    "site": "Run the simulated checkpoint as a service on a message bus; more below.",
+    "tak": "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
+    "there.",
+    "world": "Generate a checkpoint world, make one from robots, or check one.",
+    "settings": "Show, change and reset the settings.",
+    "manual": "Read the manual: list its pages, or show one of them.",
 }
-"""The verbs in the order of the help; each says the same of itself."""
-
-
-@cache
-def load_verb(name: str) -> Any:
-    """Return the command of a verb, its help ended with its example; KeyError when unknown."""
-    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
-
-    found = resolve_name(f"pa_console.cli.verbs.{VERBS[name].place}")
-    alone = typer.Typer(rich_markup_mode=None)
-    if isinstance(found, typer.Typer):
-        alone.add_typer(found, name=name)
-    else:
-        alone.command(name)(with_field_options(found))
-    add_examples(alone, EXAMPLES)
-    command = get_group(alone).commands[name]
-    _say_types(command)
-    return command
-
-
-class _OnDemand(Mapping[str, Any]):
-    """The command of each verb, loaded when it is looked up."""
-
-    def __getitem__(self, name: str) -> Any:
-        return load_verb(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(VERBS)
-
-    def __len__(self) -> int:
-        return len(VERBS)
-
-    def __contains__(self, name: object) -> bool:
-        return name in VERBS
-
-
-class Verbs(TyperGroup):
-    """The command line as a whole; a verb is loaded when it is run, or asked for its help."""
-
-    def __init__(self, **attributes: Any) -> None:
-        super().__init__(**attributes)
-        self.commands = cast(Any, _OnDemand())
-
-    def list_commands(self, ctx: object) -> list[str]:  # noqa: ARG002 - the same for every caller
-        """Return the names of all verbs, in the order of the help, without loading them."""
-        return list(VERBS)
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the line of each verb into the help."""
-        with self._unloaded():
-            super().format_commands(ctx, formatter)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """Return the verbs and options that begin so, for the shell's completion."""
-        with self._unloaded():
-            return super().shell_complete(ctx, incomplete)
-
-    @contextmanager
-    def _unloaded(self) -> Generator[None]:
-        """Let each verb be known by its line alone."""
-        loading = self.commands
-        self.commands = {
-            name: TyperCommand(name, help=verb.line, short_help=verb.line)
-            for name, verb in VERBS.items()
-        }
-        try:
-            yield
-        finally:
-            self.commands = loading
-
-
+"""The help of each verb, in order; a verb says the same of itself. It is the function of its name,
+or the `app` of a group, in the module of its name."""
+MODULES = {"eval": "evaluate"}
+"""The module of a verb whose name is taken in Python."""
 EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
@@ -209,6 +100,39 @@ EXAMPLES = {
 }
 
 
+@cache
+def load_verb(name: str) -> Any:
+    """Return the command of a verb, its help ended with its example."""
+    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
+
+    module = import_module(f"pa_console.cli.verbs.{MODULES.get(name, name)}")
+    verb = getattr(module, "app", None) or getattr(module, name)
+    alone = typer.Typer(rich_markup_mode=None)
+    if isinstance(verb, typer.Typer):
+        alone.add_typer(verb, name=name)
+    else:
+        alone.command(name)(with_field_options(verb))
+    _add_examples(alone)
+    command = get_group(alone).commands[name]
+    _say_types(command)
+    return command
+
+
+class Verbs(TyperGroup):
+    """The command line as a whole: lines of help, and a verb that is loaded once it is called."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = {
+            name: TyperCommand(name, help=line, short_help=line) for name, line in VERBS.items()
+        }
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Return the name, the loaded verb and the words after it; raises TyperException."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, load_verb(name) if name is not None else None, rest
+
+
 def _say_types(command: Any) -> None:
     """Show the value of each option below `command` as TEXT, NUMBER or PATH, not as its type."""
     for below in getattr(command, "commands", {}).values():
@@ -220,7 +144,7 @@ def _say_types(command: Any) -> None:
             option.metavar = "PATH" if kind.is_path else "NUMBER" if number else "TEXT"
 
 
-def add_examples(app: typer.Typer, examples: Mapping[str, str], above: str = "") -> None:
+def _add_examples(app: typer.Typer, above: str = "") -> None:
     """End the help of every verb below `app` with its example, named by the verb's words.
 
     In the list of its group it has the whole first paragraph of its help.
@@ -229,18 +153,15 @@ def add_examples(app: typer.Typer, examples: Mapping[str, str], above: str = "")
         name = command.name or (command.callback.__name__ if command.callback else "")
         help_text = command.help or getdoc(command.callback) or ""
         command.short_help = " ".join(help_text.partition("\n\n")[0].split())
-        command.epilog = _ended(command.epilog, examples.get(f"{above}{name}".strip()))
+        command.epilog = _ended(command.epilog, f"{above}{name}")
     for group in app.registered_groups:
         below = group.typer_instance
         if below is not None and group.name:
-            words = f"{above}{group.name}"
-            group.epilog = _ended(below.info.epilog, examples.get(words))
-            add_examples(below, examples, f"{words} ")
+            group.epilog = _ended(below.info.epilog, f"{above}{group.name}")
+            _add_examples(below, f"{above}{group.name} ")
 
 
-def _ended(text: object, example: str | None) -> str:
-    """Return a help's end with its example, whose lines no terminal width joins."""
-    parts = [text] if isinstance(text, str) else []
-    if example is not None:
-        parts.append(f"\b\nExample:\n  {example}")
-    return "\n\n".join(parts)
+def _ended(text: object, words: str) -> str:
+    """Return a help's end with the example of a verb, whose lines no terminal width joins."""
+    example = [f"\b\nExample:\n  {EXAMPLES[words]}"] if words in EXAMPLES else []
+    return "\n\n".join([text, *example] if isinstance(text, str) else example)

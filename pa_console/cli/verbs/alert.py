@@ -23,10 +23,10 @@ def alert(
     with naming_what_is_missing("alert", "alerts need"):
         from pa_console.observability.alert_delivery import receivers, try_all  # noqa: PLC0415 - then only
 
-    found = try_all(receivers(alert or (), alert_later or ()), TEST)
+    problems = try_all(receivers(alert or (), alert_later or ()), TEST)
     if json:
-        print_json([{"receiver": name, "problem": why} for name, why in found.items()])
+        print_json([{"receiver": name, "problem": why} for name, why in problems.items()])
     else:
-        for name, why in found.items():
+        for name, why in problems.items():
             out.print_line(f"✘ {name}: {why}" if why else f"✔ {name}: delivered")
-    raise typer.Exit(FAILED if any(found.values()) else 0)
+    raise typer.Exit(FAILED if any(problems.values()) else 0)

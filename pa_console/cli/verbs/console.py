@@ -9,25 +9,16 @@ from typing import Annotated
 import typer
 
 from pa_console import __version__
-from pa_console.cli.options import (
-    AgentsOption,
-    AlertLaterOption,
-    AlertOption,
-    SessionOptions,
-    naming_what_is_missing,
-)
+from pa_console.cli.options import AttendedOptions, MouseOption, naming_what_is_missing
 from pa_console.cli.settings_defaults import OBSERVED, settings_of
 from pa_console.terminal.opening_frame import OpeningFrame, frame_file
 from pa_console.terminal.output import DRIVER
 
 
 @dataclass(frozen=True)
-class ConsoleOptions(SessionOptions):
+class ConsoleOptions(AttendedOptions):
     """The options of a session with an operator."""
 
-    alert: AlertOption = None
-    alert_later: AlertLaterOption = None
-    agents: AgentsOption = 0
     readonly: Annotated[
         bool, typer.Option("--readonly", help="Look only: every command is refused.")
     ] = False
@@ -39,10 +30,7 @@ class ConsoleOptions(SessionOptions):
             "asked where neither is given.",
         ),
     ] = None
-    mouse: Annotated[
-        bool,
-        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
-    ] = True
+    mouse: MouseOption = True
 
 
 def console(
@@ -83,10 +71,9 @@ def console(
             raise ValueError(
                 "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
             )
-        from pa_console.cli.sessions.joined import Joining, joining  # noqa: PLC0415 - then
+        from pa_console.cli.sessions.joined import joining  # noqa: PLC0415 - then
 
-        asked = Joining(join, options.certificates, options.world, options.rules)
-        with joining(asked, settings) as joined:
+        with joining(join, options, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken(), OpeningFrame(None) as frame:

@@ -66,6 +66,19 @@ from pa_console.schema.text import count
 from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out, print_json, warn_of_altered
 
+COLUMN_GAP = 2
+"""Characters between two columns."""
+TITLE_WORD = 9
+"""Longer words of a column's title may be broken; names of models are long."""
+
+app = typer.Typer(
+    help="Run mission sets against models and variants of the pipeline; more below.",
+    epilog="\b\nVariants:\n" + "\n".join(f"  {name}\n    {about}" for name, about in ABOUT.items()),
+)
+FolderArgument = Annotated[
+    Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")
+]
+
 
 class EvalProgress(LiveBar):
     """Counts runs as they end, with how many succeeded strictly."""
@@ -104,13 +117,6 @@ class EvalProgress(LiveBar):
             errors.print_line(line)
 
 
-_GAP = 2
-"""Characters between two columns."""
-
-_TITLE_WORD = 9
-"""Longer words of a column's title may be broken; names of models are long."""
-
-
 def to_rich(table: ReportTable, width: int = 100) -> RichTable:
     """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
 
@@ -136,13 +142,13 @@ def to_rich(table: ReportTable, width: int = 100) -> RichTable:
 
 def _widths(table: ReportTable, width: int) -> list[int]:
     """Return a width for each column: its longest word, then what is left to the neediest."""
-    room = max(width - _GAP * len(table.columns), len(table.columns))
+    room = max(width - COLUMN_GAP * len(table.columns), len(table.columns))
     cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
     whole = [max(len(cell) for cell in column) or 1 for column in cells]
     found = [
         max(
             max((len(word) for cell in column[1:] for word in cell.split()), default=1),
-            *(min(len(word), _TITLE_WORD) for word in column[0].split()),
+            *(min(len(word), TITLE_WORD) for word in column[0].split()),
         )
         for column in cells
     ]
@@ -152,15 +158,6 @@ def _widths(table: ReportTable, width: int) -> list[int]:
         need = [full / here for full, here in zip(whole, found, strict=True)]
         found[need.index(max(need))] += 1
     return found
-
-
-app = typer.Typer(
-    help="Run mission sets against models and variants of the pipeline; more below.",
-    epilog="\b\nVariants:\n" + "\n".join(f"  {name}\n    {about}" for name, about in ABOUT.items()),
-)
-FolderArgument = Annotated[
-    Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")
-]
 
 
 @app.callback(invoke_without_command=True)

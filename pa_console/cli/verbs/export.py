@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from pa_console.cli import completion
-from pa_console.cli.options import with_field_options
-from pa_console.cli.progress_bars import ExportBar
+from pa_console.cli.options import SessionRulesOption, SessionWorldOption, with_field_options
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.cli.sessions.log import recorded_log
 from pa_console.export.markdown import mission_document
 from pa_console.export.mcap_file import write_mcap
@@ -32,6 +32,10 @@ from pa_console.schema.text import count, visible
 from pa_console.session.stills import stills_folder
 from pa_console.terminal.output import errors, out, print_document
 
+DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
+LEAST, MOST = (40, 10), (400, 200)
+"""The smallest and the largest screen, (columns, rows)."""
+
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
     no_args_is_help=True,
@@ -45,12 +49,6 @@ LogArgument = Annotated[
         help="A session log (JSONL), a session of 'pa-console sessions' by its id, or 'last'.",
         autocompletion=completion.sessions,
     ),
-]
-SessionWorld = Annotated[
-    str | None, typer.Option("--world", help="The session's world, when it is a file.")
-]
-SessionRules = Annotated[
-    str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
 ]
 
 
@@ -72,10 +70,6 @@ def written(target: Path, what: str) -> None:
     out.print_line(f"{target}: {what}")
 
 
-DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
-LEAST, MOST = (40, 10), (400, 200)
-
-
 @dataclass(frozen=True)
 class FilmOptions:
     """The options of every export that shows the replayed console."""
@@ -92,8 +86,8 @@ class FilmOptions:
     size: Annotated[str, typer.Option(metavar="COLUMNSxROWS", help="Size of the screen.")] = (
         "120x36"
     )
-    world: SessionWorld = None
-    rules: SessionRules = None
+    world: SessionWorldOption = None
+    rules: SessionRulesOption = None
 
 
 @app.command("svg")
@@ -144,7 +138,7 @@ def svg(
         raise ValueError(f"{log}: no event of these kinds; try --at another, or --every")
     site = site_of(session.started, film.world, film.rules)
     player = Player(session.recording)
-    with ExportBar("filming", len(shots)) as bar, whole_folder(target) as folder:
+    with TransientBar("filming", len(shots)) as bar, whole_folder(target) as folder:
 
         async def direct(made: ReplayedScreen) -> None:
             await take(made, shots, folder, session.started.session, bar.advance)
@@ -181,7 +175,7 @@ def cast(
     shown = positions(session.recording, *span, speed / fps)
     site = site_of(session.started, film.world, film.rules)
     player = Player(session.recording)
-    with ExportBar("filming", len(shown)) as bar, whole_file(target, log) as file:
+    with TransientBar("filming", len(shown)) as bar, whole_file(target, log) as file:
         writer = CastWriter(file, screen, speed, bar.advance)
         start = session.recording[0].t + timedelta(seconds=shown[0])
         writer.begin(start, f"PA Console, session {session.started.session}")
@@ -244,7 +238,7 @@ def markdown(
     target: Annotated[
         Path | None, typer.Option("--out", "-o", help="The file; without it, standard output.")
     ] = None,
-    rules: SessionRules = None,
+    rules: SessionRulesOption = None,
 ) -> None:
     """Write a session as GitHub Markdown, a shift report with every mission's trace, or one trace.
 
@@ -276,7 +270,7 @@ def mcap(
     context: typer.Context,
     log: LogArgument,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
-    world: SessionWorld = None,
+    world: SessionWorldOption = None,
 ) -> None:
     """Write the whole session as MCAP, for Foxglove, Rerun and the mcap tools.
 
@@ -293,6 +287,6 @@ def mcap(
             "give its file with --world",
             style="yellow",
         )
-    with ExportBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
+    with TransientBar("writing", len(session.recording)) as bar, whole_file(target, log) as file:
         messages = write_mcap(session, site, file, bar.advance)
     written(target, count(messages, "message"))

@@ -36,6 +36,14 @@ from pa_console.signing import PASSPHRASE_VARIABLE, fingerprint, is_public_key
 from pa_console.station.assembly import open_rules
 from pa_console.terminal.output import errors, out, print_json
 
+CONNECT_S = 5.0
+MOST_BYTES = 131_072
+"""The longest file with an approval, bytes."""
+ACTS = {
+    "override": "the judge's objection is overridden",
+    "acknowledge": "a broken rule of medium priority is accepted",
+}
+
 app = typer.Typer(
     help="Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
     no_args_is_help=True,
@@ -58,20 +66,9 @@ class RosterEntryKind(Enum):
     rules = "rules"
 
 
-def _new_passphrase(*, wanted: bool) -> str:
-    if not wanted:
-        return ""
-    if given := os.environ.get(PASSPHRASE_VARIABLE):
-        return given
-    asked = typer.prompt("New passphrase", hide_input=True, confirmation_prompt=True, err=True)
-    return cast(str, asked)
-
-
 PassphraseOption = Annotated[
     bool, typer.Option("--passphrase", help="Protect the new key with a passphrase.")
 ]
-
-
 BusOption = Annotated[
     str,
     typer.Option("--fleet", metavar="URL", help="Tell vehicles and stations on this bus at once."),
@@ -150,17 +147,15 @@ def enrol(
 
     Of rule sets of one name vehicles take the one that was enrolled last.
     """
-    folder = KeyFolder(ask=ask_passphrase)
     if key is None and kind is not RosterEntryKind.rules:
         raise ValueError(f"give the public key of the {kind.value}, which 'keys make' has printed")
-    with on_bus(folder, fleet, certificates):
+    with _changing(fleet, certificates) as folder:
         if key is None:
             folder.enrol_rules(*_enrolled(open_rules(name)[0]))
         elif kind is RosterEntryKind.person:
             folder.enrol_person(name, _public(key), role.value)
         else:
             folder.enrol_station(name, _public(key))
-    _show(folder)
 
 
 @app.command()
@@ -170,10 +165,8 @@ def revoke(
     certificates: CertificatesOption = None,
 ) -> None:
     """Revoke the key of a person or station for ever."""
-    folder = KeyFolder(ask=ask_passphrase)
-    with on_bus(folder, fleet, certificates):
+    with _changing(fleet, certificates) as folder:
         folder.revoke(name)
-    _show(folder)
 
 
 @app.command()
@@ -184,10 +177,8 @@ def rotate(
     certificates: CertificatesOption = None,
 ) -> None:
     """Make a new key for a person or station, and revoke the one before."""
-    folder = KeyFolder(ask=ask_passphrase)
-    with on_bus(folder, fleet, certificates):
+    with _changing(fleet, certificates) as folder:
         folder.rotate(name, _new_passphrase(wanted=passphrase))
-    _show(folder)
 
 
 @app.command()
@@ -200,9 +191,16 @@ def takeover(
 
     Vehicles that have heard of it take nothing of the station before.
     """
-    folder = KeyFolder(ask=ask_passphrase)
-    with on_bus(folder, fleet, certificates):
+    with _changing(fleet, certificates) as folder:
         folder.take_over(station)
+
+
+@contextmanager
+def _changing(url: str, certificates: Path | None) -> Generator[KeyFolder]:
+    """Yield the keys of this machine for a change; show it, and publish it on the bus at `url`."""
+    folder = KeyFolder(ask=ask_passphrase)
+    with on_bus(folder, url, certificates):
+        yield folder
     _show(folder)
 
 
@@ -236,6 +234,15 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
         errors.print(told, style="bold red")
 
 
+def _new_passphrase(*, wanted: bool) -> str:
+    if not wanted:
+        return ""
+    if given := os.environ.get(PASSPHRASE_VARIABLE):
+        return given
+    asked = typer.prompt("New passphrase", hide_input=True, confirmation_prompt=True, err=True)
+    return cast(str, asked)
+
+
 def _enrolled(book: Rulebook) -> tuple[str, EnrolledRules]:
     return book.seal.content_sha256, EnrolledRules(book.name, dict(book.approvals))
 
@@ -248,9 +255,6 @@ def _public(key: str) -> str:
     if not is_public_key(key):
         raise ValueError(f"{key!r} is no public key: 64 hexadecimal digits")
     return key
-
-
-CONNECT_S = 5.0
 
 
 @contextmanager
@@ -284,9 +288,6 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
     finally:
         link.close()
     errors.print_line(f"retained at {address}: {', '.join(newest)}")
-
-
-MOST_BYTES = 131_072
 
 
 @app.command()
@@ -343,14 +344,12 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
     roster = folder.trust().roster if folder.made else None
     station = roster.station_of(approval.station) if roster is not None else ""
     rules = roster.rules.get(approval.rules) if roster is not None else None
-    acts = {"override": "the judge's objection is overridden",
-            "acknowledge": "a broken rule of medium priority is accepted"}  # fmt: skip
     until = datetime.fromtimestamp(unsigned.ends, UTC)
     lines = [
         f"{approval.person} approves, at the station "
         f"{station or f'{approval.station[:12]} (not in the roster that is here)'}:",
         *(f"  {order}" for order in approval.orders),
-        *(f"  {acts.get(act, act)}" for act in approval.acts),
+        *(f"  {ACTS.get(act, act)}" for act in approval.acts),
         f"plan {approval.request}, SHA-256 {approval.plan[:12]}; session {approval.session}",
         f"checked by the rules {rules.name if rules else approval.rules[:12]}",
         f"good until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of what is signed {unsigned.sha256}",

@@ -77,7 +77,7 @@ def mission(
     from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
     settings = settings_of(context, *OBSERVED).values
-    with observing(settings, options.world, live=True) as beside:
+    with observing(settings, options, live=True) as beside:
         run_mission(
             options,
             settings,

@@ -6,9 +6,8 @@ from typing import Annotated
 import typer
 
 from pa_console.cli import completion
-from pa_console.cli.options import JsonOption
+from pa_console.cli.options import JsonOption, MouseOption, SessionRulesOption, SessionWorldOption
 from pa_console.cli.settings_defaults import settings_of
-from pa_console.settings.sources import LoadedSettings
 
 
 def replay(
@@ -59,15 +58,11 @@ def replay(
             "the rules say of them must come out equal; name what does not.",
         ),
     ] = False,
-    world: Annotated[
-        str | None, typer.Option("--world", help="The session's world, when it is a file.")
-    ] = None,
+    world: SessionWorldOption = None,
     scenario: Annotated[
         str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
     ] = None,
-    rules: Annotated[
-        str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
-    ] = None,
+    rules: SessionRulesOption = None,
     other: Annotated[
         Path | None,
         typer.Option(
@@ -80,10 +75,7 @@ def replay(
     screen: Annotated[
         bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
     ] = False,
-    mouse: Annotated[  # noqa: ARG001 - one of the settings
-        bool,
-        typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal."),
-    ] = True,
+    mouse: MouseOption = True,  # noqa: ARG001 - one of the settings
     json: JsonOption = False,
 ) -> None:
     """Play LOG back in the console, verify it, run it again, or compare it with another one.
@@ -92,50 +84,27 @@ def replay(
     out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
     signed, or could not be run again to the same end.
     """
-    log = _chosen(context, log, last=last)
-    if other is not None and not other.is_file():
-        raise ValueError(f"{other}: there is no such log")
-    if check or again:
-        from pa_console.cli.verbs.replay_checks import (  # noqa: PLC0415 - only when asked  # noqa: PLC0415
-            ReplaySetup,
-            TrustedKeys,
-            show_again,
-            show_verified,
-        )
-
-        place = ReplaySetup(world, scenario, rules)
-        if check:
-            trust = TrustedKeys(frozenset(key or ()), unsigned, witness)
-            show_verified(log, trust, None if chain_only else place, json)
-        else:
-            show_again(log, place, json)
-    printed = other is not None and not screen
-    if other is not None and printed:
-        from pa_console.cli.verbs.replay_checks import compare_logs  # noqa: PLC0415 - only when asked
-
-        compare_logs(log, other, json)
-    if not (check or again or printed):
-        _show(log, other, world, settings_of(context, "mouse"))
-
-
-def _chosen(context: typer.Context, log: Path | None, *, last: bool) -> Path:
-    """Return the log that is meant: a file, a recorded session by its id, or the last one."""
     if last == (log is not None):
         raise ValueError(
             "give a session log, or --last for the session that was recorded last. "
             "See 'pa-console replay --help'."
         )
-    from pa_console.cli.sessions.log import recorded_log  # noqa: PLC0415 - no help needs it
+    from pa_console.cli.sessions import recorded  # noqa: PLC0415 - no help needs it
+    from pa_console.cli.sessions.log import recorded_log  # noqa: PLC0415
 
-    return recorded_log(context, log or Path("last"))
-
-
-def _show(log: Path, other: Path | None, world: str | None, settings: LoadedSettings) -> None:
-    """Open the console on a recording, or on two at the point where they differ."""
-    from pa_console.cli.sessions.recorded import play  # noqa: PLC0415
-    from pa_console.cli.verbs.replay_checks import show_compared  # noqa: PLC0415 - only when shown
-
-    if other is not None:
-        show_compared(log, other, world, settings)
-    else:
-        play(log, world, settings)
+    log = recorded_log(context, log or Path("last"))
+    if other is not None and not other.is_file():
+        raise ValueError(f"{other}: there is no such log")
+    place = recorded.ReplaySetup(world, scenario, rules)
+    if check:
+        trust = recorded.TrustedKeys(frozenset(key or ()), unsigned, witness)
+        recorded.show_verified(log, trust, None if chain_only else place, json)
+    elif again:
+        recorded.show_again(log, place, json)
+    if other is None:
+        if not (check or again):
+            recorded.play(log, world, settings_of(context, "mouse"))
+    elif not screen:
+        recorded.compare_logs(log, other, json)
+    elif not (check or again):
+        recorded.show_compared(log, other, world, settings_of(context, "mouse"))

@@ -1,6 +1,5 @@
-"""`pa-console serve`, `mcp` and `tak`: a session for programs, browsers, an agent or a map."""
+"""`pa-console serve`: a session for programs, or the console in a browser."""
 
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,20 +7,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from pa_console.child_processes import python_command
-from pa_console.cli.options import (
-    AgentsOption,
-    AlertLaterOption,
-    AlertOption,
-    FollowOptions,
-    JsonOption,
-    ModelOption,
-    RulesOption,
-    ScenarioOption,
-    SeedOption,
-    SessionOptions,
-    WorldOption,
-    naming_what_is_missing,
-)
+from pa_console.cli.options import AttendedOptions, JsonOption, naming_what_is_missing
 from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
 
 PORT = 8765
@@ -37,18 +23,9 @@ IN_FILES = {
 RoleName = Literal["observer", "proposer", "operator", "commander"]
 
 
-@dataclass(frozen=True)
-class ServeOptions(SessionOptions):
-    """The options of a session that programs use."""
-
-    alert: AlertOption = None
-    alert_later: AlertLaterOption = None
-    agents: AgentsOption = 0
-
-
 def serve(
     context: typer.Context,
-    options: ServeOptions,
+    options: AttendedOptions,
     port: Annotated[
         int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
     ] = PORT,
@@ -141,59 +118,3 @@ def _whole(name: str, value: Any) -> Any:
         if any((path / file).is_file() for file in IN_FILES[name]):
             return str(path.absolute())
     return value
-
-
-def tak(context: typer.Context, options: FollowOptions) -> None:
-    """Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from there.
-
-    It lasts until the session ends, or Ctrl-C.
-    """
-    if bool(options.join) == bool(options.replay):
-        raise ValueError(
-            "give --join URL for a live session, or --replay SESSION for a recorded one"
-        )
-    settings = settings_of(context)
-    with naming_what_is_missing("tak", "TAK maps need"):
-        from pa_console.cli.sessions.followed import show  # noqa: PLC0415 - no help waits for it
-    if code := show(options, settings):
-        raise typer.Exit(code)
-
-
-def mcp(
-    context: typer.Context,
-    join: Annotated[
-        str,
-        typer.Option(
-            "--join",
-            metavar="URL",
-            help="The console whose session it joins: one opened with --agents 8766 is at "
-            "http://127.0.0.1:8766/mcp. PA_CONSOLE_AGENT_TOKEN has the token.",
-        ),
-    ] = "",
-    name: Annotated[
-        str, typer.Option("--name", help="Without --join: the name of the agent.")
-    ] = "agent",
-    world: WorldOption = "checkpoint",
-    rules: RulesOption = "checkpoint",
-    model: ModelOption = None,
-    scenario: ScenarioOption = None,
-    seed: SeedOption = 0,
-) -> None:
-    """Connect an agent over MCP, on stdin and stdout, to a running console; people decide.
-
-    Without --join, a session of its own is simulated: proposals are read, checked, rehearsed and
-    judged, and none is carried out.
-    """
-    settings = settings_of(context, "world", "rules", "model")
-    options = SessionOptions(
-        world,
-        rules,
-        model,
-        scenario,
-        seed,
-        alarms=False,
-        require_sandbox=settings.values.require_sandbox,
-    )
-    with naming_what_is_missing("mcp"):
-        from pa_console.cli.sessions.agents import join_agent, serve_agent  # noqa: PLC0415
-    raise typer.Exit(join_agent(join) if join else serve_agent(options, settings, name))

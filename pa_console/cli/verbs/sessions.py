@@ -52,28 +52,28 @@ def sessions(
         _show(log, log.stem if log in newest_logs(folder) else quote(str(log)), json)
         return
     with errors.status("reading the session logs"):
-        found = past_sessions(folder, None if everything else most)
-        sound = [soundness(summary.log) for summary in found]
+        summaries = past_sessions(folder, None if everything else most)
+        sound = [soundness(summary.log) for summary in summaries]
     if json:
-        print_json([_document(*each) for each in zip(found, sound, strict=True)])
+        print_json(list(map(_document, summaries, sound)))
         return
-    if not found:
+    if not summaries:
         out.print_line(f"no session was recorded in {folder} yet")
         return
-    out.print(_table(found, sound))
-    more = len(newest_logs(folder)) - len(found)
+    out.print(_table(summaries, sound))
+    more = len(newest_logs(folder)) - len(summaries)
     if more > 0 and not everything:
         out.print(f"{more} more logs; --all lists them", style="dim")
 
 
-def _table(found: list[SessionSummary], sound: list[Soundness]) -> Table:
+def _table(summaries: list[SessionSummary], sound: list[Soundness]) -> Table:
     table = Table(box=None, pad_edge=False, expand=True)
     table.add_column("Session", no_wrap=True, min_width=20)
     table.add_column("Title", ratio=1, overflow="fold")
     table.add_column("Missions", min_width=12, max_width=20)
     table.add_column("Length", justify="right", no_wrap=True, min_width=6)
     table.add_column("Log", no_wrap=True, min_width=12)
-    for summary, standing in zip(found, sound, strict=True):
+    for summary, standing in zip(summaries, sound, strict=True):
         mark = status_of("log", standing.standing)
         table.add_row(
             summary.log.stem,
@@ -121,32 +121,18 @@ def _show(log: Path, reference: str, json: bool) -> None:
     out.print(f"\n{count(len(summary.missions), 'mission')}", style="bold")
     missions = Table(box=None, show_header=False, pad_edge=False)
     for mission in summary.missions:
-        told = status_of("mission", mission.status or "open")
+        outcome = status_of("mission", mission.status or "open")
         text = Text(visible(f"{mission.origin}{mission.said}"))
         if mission.reason:
             text.append(f"\n{visible(mission.reason)}", "dim")
-        missions.add_row(mission.id, Text(told.text, COLOURS[told.tone]), text)
+        missions.add_row(mission.id, Text(outcome.text, COLOURS[outcome.tone]), text)
     if summary.missions:
         out.print(missions)
     out.print_line(f"\nPlay it back: pa-console replay {reference}")
 
 
 def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:
-    return {
-        "session": summary.session,
-        "log": str(summary.log),
-        "title": summary.title,
-        "started": summary.started,
-        "length_s": round(summary.length_s, 3),
-        "world": summary.world,
-        "rules": summary.rules,
-        "model": summary.model,
-        "scenario": summary.scenario,
-        "seed": summary.seed,
-        "missions": summary.missions,
-        "outcomes": summary.outcomes,
-        "ending": summary.ending,
-        "reason": summary.reason,
-        "standing": standing.standing,
-        "detail": standing.detail,
-    }
+    """Return all that is known of a session, for `--json`."""
+    counted = {"title": summary.title, "outcomes": summary.outcomes}
+    length = {"length_s": round(summary.length_s, 3)}
+    return {**vars(summary), **counted, **length, **vars(standing)}

@@ -8,7 +8,7 @@ from rich.text import Text
 
 from pa_console.cli import completion
 from pa_console.cli.options import JsonOption
-from pa_console.cli.settings_defaults import given_settings
+from pa_console.cli.settings_defaults import given_words, read_assignments
 from pa_console.settings.schema import describe_settings, value_text
 from pa_console.settings.sources import (
     LoadedSettings,
@@ -37,7 +37,7 @@ NameArgument = Annotated[
 @app.command()
 def show(context: typer.Context, json: JsonOption = False) -> None:
     """Show every setting: its value, where that comes from, and what it means."""
-    loaded = load_settings(given_settings(context))
+    loaded = load_settings(read_assignments(given_words(context)))
     wrong = _problems(loaded)
     if json:
         print_json({"file": str(loaded.path), "settings": _rows(loaded), "problems": wrong})

@@ -11,7 +11,7 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.cli.options import CertificatesOption, ScenarioOption, SeedOption, WorldOption
-from pa_console.cli.sessions.fleet import credentials_of
+from pa_console.cli.sessions.fleet import certificate_folder
 from pa_console.end_signals import EndableRun, end_signals, exit_code_of
 from pa_console.fleets.key_folder import KeyFolder
 from pa_console.fleets.station_authority import Vehicles
@@ -71,11 +71,12 @@ def site(
     address = BrokerAddress.parse(broker)
     if embedded_broker and address.tls:
         raise ValueError("--embedded-broker has no certificates; give --broker mqtt://127.0.0.1")
-    credentials_of(address, certificates, "site")
+    folder = certificate_folder(address, certificates)
 
     def let_in(name: str) -> Credentials | None:
-        return credentials_of(address, certificates, name)
+        return Credentials.of(folder, name) if folder is not None else None
 
+    let_in("site")  # a site without its own certificates is refused before it begins
     loaded, path = open_world(world)
     played = open_scenario(loaded, path, scenario).scenario if scenario else None
     vehicles = _vehicles(loaded)

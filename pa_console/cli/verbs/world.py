@@ -1,30 +1,24 @@
-"""`pa-console world` and `pa-console scenarios`: worlds, and their situations."""
+"""`pa-console world`: worlds that are generated, made from robots, or checked."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from pa_console.cli import completion
-from pa_console.cli.options import JsonOption, WorldOption
+from pa_console.cli.options import WorldOption
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.fleets.link import FoundRobot
-from pa_console.schema.incident import After, AssetIs, AssetReach, IncidentCondition, TrackIs
 from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.log.writer import refuse_audit_file
-from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
-from pa_console.terminal.output import errors, out, print_document, print_json
-from pa_console.views.event_words import incident_truth_in_words
+from pa_console.terminal.output import errors, out, print_document
 
 app = typer.Typer(
     no_args_is_help=True, help="Generate a checkpoint world, make one from robots, or check one."
 )
-
-
 OutOption = Annotated[
     Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
 ]
@@ -148,88 +142,3 @@ def check(
     )
     if bare:
         out.print(f"gates that nobody covers at the start: {', '.join(bare)}")
-
-
-_ASSET_STATES: dict[AssetReach, str] = {
-    "moving": "is moving",
-    "arrived": "has arrived",
-    "low_battery": "is low on battery",
-    "failed": "has failed",
-    "charging": "is charging",
-    "silent": "is silent",
-}
-
-scenarios_app = typer.Typer(
-    no_args_is_help=True, help="List, show and check the situations of a world."
-)
-
-
-@scenarios_app.command("list")
-def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
-    """List the situations that lie beside the world file."""
-    _, path = open_world(world)
-    found = list_scenarios(path)
-    if json:
-        print_json([{"name": name, "title": title} for name, title in found])
-        return
-    table = Table("Name", "What happens", box=None, pad_edge=False)
-    for name, title in found:
-        table.add_row(name, title)
-    out.print(table)
-
-
-@scenarios_app.command()
-def show(
-    name: Annotated[
-        str,
-        typer.Argument(help="Name of a situation, or a file.", autocompletion=completion.scenarios),
-    ],
-    world: WorldOption = "checkpoint",
-    json: JsonOption = False,
-) -> None:
-    """Show what happens in a situation, and when."""
-    found, path = open_world(world)
-    scenario = open_scenario(found, path, name).scenario
-    if json:
-        print_json(scenario)
-        return
-    head = f"{scenario.title} ({scenario.duration_s:g} s)\n{scenario.about.strip()}\n"
-    out.print(head)
-    table = Table(box=None, show_header=False, padding=(0, 2))
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for event in scenario.events:
-        when = f"{event.at_s:g} s" if event.at_s is not None else _condition(event.when)
-        delay = f" + {event.delay_s:g} s" if event.delay_s else ""
-        table.add_row(when + delay, incident_truth_in_words(event.do))
-    for drawn in scenario.random:
-        for incident in drawn.do:
-            when = f"now and then, {drawn.mean_s:g} s apart"
-            table.add_row(when, incident_truth_in_words(incident))
-    out.print(table)
-
-
-@scenarios_app.command("check")
-def check_scenario(
-    file: Annotated[Path, typer.Argument(help="A scenario file.")],
-    world: WorldOption = "checkpoint",
-) -> None:
-    """Check a scenario file against a world; errors name line and field."""
-    found, path = open_world(world)
-    scenario = open_scenario(found, path, str(file)).scenario
-    out.print_line(
-        f"{file}: ok, {count(len(scenario.events), 'event')}, "
-        f"{count(len(scenario.random), 'random kind')}"
-    )
-
-
-def _condition(condition: IncidentCondition | None) -> str:
-    match condition:
-        case TrackIs(track=track, state=state):
-            return f"when {track} is {state}"
-        case AssetIs(asset=asset, state=state, at=at):
-            return f"when {asset} {_ASSET_STATES[state]}{f' at {at}' if at else ''}"
-        case After(event=event):
-            return f"after {event}"
-        case None:
-            return ""

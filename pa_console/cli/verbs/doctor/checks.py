@@ -1,4 +1,4 @@
-"""The checks of `doctor`: Python, libraries, model, settings, folders, terminal, memory."""
+"""The checks of a machine: Python, libraries, settings, folders, links to robots, terminal."""
 
 import importlib
 import logging
@@ -7,11 +7,10 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires, version
 from pathlib import Path
-from time import perf_counter, sleep
 from typing import Literal
 
 from rich.console import Console
@@ -20,12 +19,7 @@ from pa_console.child_processes import python_command
 from pa_console.fleets.link import OWN, LinkFinding, link_schemes
 from pa_console.fleets.newcomers import survey
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
-from pa_console.llm.backend import ModelError
-from pa_console.llm.local.confinement import REMEDY, Restriction, try_out
-from pa_console.llm.local.threads import idle_seconds, physical_cores
-from pa_console.llm.models.cache import cache_folder, hash_file
-from pa_console.llm.models.catalogue import Catalog, ModelEntry, check_adapters
-from pa_console.llm.models.preparing import Preparation, find_recorded
+from pa_console.llm.models.cache import cache_folder
 from pa_console.private_files import exposed, nearest_existing, unwritable
 from pa_console.resources import install_hint
 from pa_console.schema.document import DocumentError
@@ -45,9 +39,8 @@ from pa_console.sim.worlds.world_file import open_world
 
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
-LOOK_S = 0.4
-QUIET_SHARE = 0.2
-"""Up to this share of the cores may be busy on a machine that counts as idle."""
+LEAST_FREE_MB = 200
+COMFORTABLE, LEAST = (80, 24), (60, 18)
 
 
 @dataclass(frozen=True)
@@ -61,14 +54,18 @@ class Check:
     details: tuple[LinkFinding, ...] = ()
     """The robots of a link, one by one."""
 
+    @classmethod
+    def graded(
+        cls, name: str, good: bool, found: str, remedy: str, bad: State = "warning"
+    ) -> "Check":
+        """Return a check that is ok if it is `good`; otherwise in state `bad`, with its remedy."""
+        return cls(name, "ok", found) if good else cls(name, bad, found, remedy)
+
 
 def check_python() -> Check:
     """Look at the interpreter."""
-    found = f"{sys.version.split()[0]} in {sys.prefix}"
-    good = sys.version_info >= (3, 11)
-    return Check(
-        "Python", "ok" if good else "missing", found, "" if good else "install 3.11 or newer"
-    )
+    found, good = f"{sys.version.split()[0]} in {sys.prefix}", sys.version_info >= (3, 11)
+    return Check.graded("Python", good, found, "install 3.11 or newer", "missing")
 
 
 def check_build_tools() -> Iterator[Check]:
@@ -79,14 +76,11 @@ def check_build_tools() -> Iterator[Check]:
         ("C++ compiler", compilers, "g++"),
         ("CMake", ("cmake",), "cmake"),
     ):
-        found = next((path for item in commands if item and (path := shutil.which(item))), None)
+        path = next((path for item in commands if item and (path := shutil.which(item))), "")
+        needed = "; llama.cpp has to be built"
+        found = path or f"none{', and none is needed: llama.cpp is built' if built else needed}"
         remedy = f"install it, e.g. on Debian and Ubuntu: apt install {package}"
-        if found is not None:
-            yield Check(name, "ok", found)
-        elif built:
-            yield Check(name, "ok", "none, and none is needed: llama.cpp is built")
-        else:
-            yield Check(name, "missing", "none; llama.cpp has to be built", remedy)
+        yield Check.graded(name, bool(path) or built, found, remedy, "missing")
 
 
 def check_libraries() -> Iterator[Check]:
@@ -136,84 +130,6 @@ def _canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-SECOND_READER = "second reader"
-PINNED = "SHA-256 as the catalogue pins it"
-
-
-def check_files(entry: ModelEntry) -> Check:
-    """Hash every loaded file of a model, and report its comparison."""
-    path, pull = entry.local_file, f"pa-console models pull {entry.name}"
-    if path is None:
-        return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
-    try:
-        digest = entry.check(path)
-        adapters = check_adapters(entry.name, entry.adapters)
-    except (ModelError, OSError) as error:
-        return Check("model", "missing", str(error), f"rm '{path}'; {pull}")
-    known = entry.sha256 is not None
-    said = [f"{path}: {PINNED if known else 'no hash is known that it could be held against'}"]
-    if entry.how is not None:
-        good, words = _prepared(entry, entry.how, digest)
-        if not good:
-            return Check("model", "missing", f"{entry.name}: {words}", pull)
-        said.append(words)
-    if files := {item.path for item in adapters}:
-        said.append(f"{count(len(files), 'adapter')}: {PINNED}")
-    found = f"{entry.name}: {'; '.join(said)}"
-    if not known:
-        remedy = "choose a model of the catalogue that has one"
-        return Check("model", "warning", found, remedy)
-    return Check("model", "ok", found)
-
-
-def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[bool, str]:
-    """Return whether the prepared file may be loaded, or is yet to be made, and why."""
-    path, pin = entry.prepared_file, entry.pin(how)
-    held = "the catalogue's pin" if pin else "no pin: this machine's key signs its hash then"
-    if path is None:
-        return True, f"{how} weights: made at the first start, held against {held}"
-    if pin:
-        digest = hash_file(path)
-        if digest == pin:
-            return True, f"{path}, which is loaded: {PINNED} for {how}"
-        return False, (
-            f"{path}: not the {how} weights that the catalogue pins: its SHA-256 is {digest}, "
-            f"pinned is {pin}; it is never loaded, the next start makes it again"
-        )
-    if find_recorded(entry.stem, how, source_sha256) is not None:
-        return True, (
-            f"{path}, which is loaded: SHA-256 as in the record that this machine's key signed "
-            f"when it was made; the catalogue pins none for {how}"
-        )
-    return False, (
-        f"{path}: no record signed with this machine's key fits it, and the catalogue pins no "
-        f"{how} weights; it is never loaded, the next start makes it again"
-    )
-
-
-def check_confinement() -> Check:
-    """Attempt in a process like the model's the acts that must be impossible."""
-    return confinement_words(try_out())
-
-
-def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
-    """Report the confinement that holds for the model's process, and its gaps with reasons."""
-    held = [item.what for item in restrictions if not item.missing]
-    missing = [f"not kept from it: {i.what} ({i.missing})" for i in restrictions if i.missing]
-    found = "; ".join([*missing, *held])
-    if not missing:
-        return Check("model's process", "ok", f"{found}; tried")
-    return Check("model's process", "warning", found, REMEDY)
-
-
-LEAST_FREE_MB = 200
-WORK_MB = 500
-"""Memory for the console, and for both models' processes beside their weights; measured: 400."""
-
-COMFORTABLE, LEAST = (80, 24), (60, 18)
-MEMORY = Path("/proc/meminfo")
-
-
 def load_or_default() -> tuple[LoadedSettings, Check]:
     """Return the settings, or the defaults when they cannot be used, and their check."""
     from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
@@ -223,82 +139,13 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
         loaded = load_settings()
     except DocumentError as error:
         return default_settings(), Check("settings", "missing", str(error), remedy)
-    wrong = [str(loaded.error(field, why)) for field, why in problems(loaded.values)]
-    if wrong:
+    if wrong := [str(loaded.error(field, why)) for field, why in problems(loaded.values)]:
         return loaded, Check("settings", "missing", "; ".join(wrong), remedy)
     if unknown := unknown_variables():
         why = f"nothing reads {', '.join(unknown)}"
         return loaded, Check("settings", "warning", why, "see 'pa-console settings show'")
     there = "" if loaded.document is not None else ", not there: the defaults are in force"
     return loaded, Check("settings", "ok", f"{loaded.path}{there}")
-
-
-def check_model(name: str) -> Iterator[Check]:
-    """Look whether the model `name` (empty: the default one) is here, its hashes and its memory."""
-    try:
-        catalog = Catalog.load()
-        entry = catalog.get(name or catalog.default)
-    except (ModelError, DocumentError) as error:
-        yield Check("model", "missing", str(error), "choose another: pa-console models list")
-        return
-    yield check_files(entry)
-    needed_mb = loaded_mb(entry)
-    if entry.second_reader:
-        second = catalog.get(entry.second_reader)
-        yield check_second_reader(second)
-        needed_mb += loaded_mb(second) if second.local_file else 0
-    yield check_memory(needed_mb)
-
-
-def loaded_mb(entry: ModelEntry) -> int:
-    """Return the megabytes of the file that is loaded, of the one to be fetched if none is here."""
-    file = entry.prepared_file or entry.local_file
-    return entry.size_mb if file is None else file.stat().st_size // 10**6
-
-
-def check_second_reader(entry: ModelEntry) -> Check:
-    """Hash the model that reads unclear orders again; the console works without it."""
-    if entry.local_file is None:
-        pull = f"pa-console models pull {entry.name}"
-        told = f"{entry.name} is not here: an unclear order is read by one model only ({pull})"
-        return Check(SECOND_READER, "ok", told)
-    return replace(check_files(entry), name=SECOND_READER)
-
-
-def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
-    """Look whether the memory that is free holds models of `weights_mb`, and at the cores."""
-    cores, needed = physical_cores(), weights_mb + WORK_MB
-    said = count(cores, "core")
-    try:
-        lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
-        free_mb = int(lines["MemAvailable"].split()[0]) * 1024 // 10**6
-    except (OSError, KeyError, ValueError):
-        return Check("memory, cores", "ok", f"{said}; how much memory is free cannot be told here")
-    found = f"{free_mb} MB free, {needed} MB needed, {said}"
-    if free_mb < needed:
-        remedy = "close other programs, or choose a smaller model: pa-console models list"
-        return Check("memory, cores", "warning", found, remedy)
-    if cores < 2:
-        return Check("memory, cores", "warning", found, "expect long answers: two cores help")
-    return Check("memory, cores", "ok", found)
-
-
-def check_load(
-    idle: Callable[[], float | None] = idle_seconds, wait: Callable[[float], None] = sleep
-) -> Check:
-    """Look for LOOK_S seconds how many cores other programs leave."""
-    began, before = perf_counter(), idle()
-    wait(LOOK_S)
-    after, seconds = idle(), perf_counter() - began
-    cores = physical_cores()
-    if before is None or after is None:
-        return Check("load", "ok", "how busy the cores are cannot be told here")
-    busy = max(0.0, cores - (after - before) / seconds)
-    found = f"{busy:.1f} of {count(cores, 'core')} busy"
-    if busy <= cores * QUIET_SHARE:
-        return Check("load", "ok", found)
-    remedy = "answers take longer beside other work: close other programs"
-    return Check("load", "warning", found, remedy)
 
 
 def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
@@ -323,12 +170,12 @@ def check_sessions(folder: Path) -> Check:
     """Check that every session of the index in `folder` is there, whole, and its own."""
     name, remedy = "session logs", "bring them back from a copy; --verify of a log tells more"
     try:
-        found = check_index(folder, known_keys())
+        index = check_index(folder, known_keys())
     except (LogError, SigningError) as error:
         return Check(name, "warning", str(error), "look at that file")
-    if found.all_problems:
-        return Check(name, "warning", "; ".join(found.all_problems), remedy)
-    return Check(name, "ok", f"{count(len(found.sessions), 'session')} in the index, none is lost")
+    whole = f"{count(len(index.sessions), 'session')} in the index, none is lost"
+    problems = "; ".join(index.all_problems)
+    return Check.graded(name, not problems, problems or whole, remedy)
 
 
 def check_folder(name: str, folder: Path, field: str) -> Check:
@@ -338,10 +185,9 @@ def check_folder(name: str, folder: Path, field: str) -> Check:
         return Check(name, "missing", f"{folder}: {why}", remedy)
     free_mb = shutil.disk_usage(nearest_existing(folder)).free // 1_000_000
     found = f"{folder}, {free_mb} MB free"
-    if free_mb < LEAST_FREE_MB:
-        state = "warning" if free_mb else "missing"
-        return Check(name, state, found, f"make room there, or choose another one: {field}")
-    return Check(name, "ok", found)
+    remedy = f"make room there, or choose another one: {field}"
+    bad: State = "warning" if free_mb else "missing"
+    return Check.graded(name, free_mb >= LEAST_FREE_MB, found, remedy, bad)
 
 
 def check_broker(folder: Path) -> Check:
@@ -414,24 +260,21 @@ def check_terminal() -> Iterator[Check]:
 
 def check_size(columns: int, lines: int) -> Check:
     """Look whether the console fits."""
-    found, remedy = f"{columns} x {lines}", "make it 80 x 24 at least, 100 x 30 for all panes"
-    if columns < LEAST[0] or lines < LEAST[1]:
-        return Check("terminal size", "missing", found, remedy)
-    small = columns < COMFORTABLE[0] or lines < COMFORTABLE[1]
-    return Check("terminal size", "warning" if small else "ok", found, remedy if small else "")
+    good = columns >= COMFORTABLE[0] and lines >= COMFORTABLE[1]
+    bad: State = "missing" if columns < LEAST[0] or lines < LEAST[1] else "warning"
+    remedy = "make it 80 x 24 at least, 100 x 30 for all panes"
+    return Check.graded("terminal size", good, f"{columns} x {lines}", remedy, bad)
 
 
 def check_colours(system: str | None, plain: bool) -> Check:
     """Report the terminal's colours; none are wanted when `plain`."""
     if plain:
         return Check("colours", "ok", "none, as NO_COLOR asks")
-    good = system in ("256", "truecolor")
-    remedy = "" if good else "export TERM=xterm-256color, and COLORTERM=truecolor if it has them"
-    return Check("colours", "ok" if good else "warning", system or "none", remedy)
+    remedy = "export TERM=xterm-256color, and COLORTERM=truecolor if it has them"
+    return Check.graded("colours", system in ("256", "truecolor"), system or "none", remedy)
 
 
 def check_unicode(encoding: str) -> Check:
     """Look whether signs like ▲ arrive."""
     good = encoding.lower().replace("-", "") == "utf8"
-    remedy = "" if good else "export LANG=C.UTF-8"
-    return Check("Unicode", "ok" if good else "missing", encoding, remedy)
+    return Check.graded("Unicode", good, encoding, "export LANG=C.UTF-8", "missing")

@@ -9,8 +9,8 @@ from rich.text import Text
 
 from pa_console.cli import completion
 from pa_console.cli.options import JsonOption, RulesOption, WorldOption
-from pa_console.cli.progress_bars import ExportBar
-from pa_console.cli.verbs.rules_in_sessions import effect, trace
+from pa_console.cli.progress_bars import TransientBar
+from pa_console.cli.verbs.rules.recorded import effect, trace
 from pa_console.policy.authoring.differences import Change, FieldChange, compare_rules, word_changes
 from pa_console.policy.authoring.examples import run_example
 from pa_console.policy.authoring.lint import SearchDoubts, lint_rules, search_rules, search_steps
@@ -38,7 +38,9 @@ from pa_console.signing import load_signer
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_json, warn_of_altered
 
-BROKEN = 2
+MARKS = {"same": ("", "", ""), "removed": ("[-", "-]", "red"), "added": ("{+", "+}", "green")}
+STYLES = {"error": "red", "warning": "yellow", "note": "dim"}
+SetArgument = Annotated[str, typer.Argument(help="A rule file: an installed name or path.")]
 
 app = typer.Typer(
     help="List, search, check, lint, sign and compare rules, and trace what they did.",
@@ -153,7 +155,7 @@ def check(
         if lacking := differing_core(book):
             out.print_line(f"the core's own stay in force besides: {', '.join(lacking)}")
     if wrong or book.seal.altered:
-        raise typer.Exit(BROKEN)
+        raise typer.Exit(BAD_INPUT)
 
 
 def pin(
@@ -184,10 +186,6 @@ def pin(
         )
     if not agrees:
         raise typer.Exit(BAD_INPUT)
-
-
-_MARKS = {"same": ("", "", ""), "removed": ("[-", "-]", "red"), "added": ("{+", "+}", "green")}
-SetArgument = Annotated[str, typer.Argument(help="A rule file: an installed name or path.")]
 
 
 def seal_in_words(seal: RulesSeal) -> str:
@@ -254,7 +252,7 @@ def _change_text(change: Change) -> Text:
 def _field_text(field: FieldChange) -> Text:
     text = Text(f"{field.field}: ")
     for kind, words in word_changes(_words(field.before), _words(field.after)):
-        start, end, style = _MARKS[kind]
+        start, end, style = MARKS[kind]
         text.append(f"{start}{words}{end}", style)
     return text
 
@@ -263,9 +261,6 @@ def _words(value: object) -> str:
     if value is None:
         return ""
     return value if isinstance(value, str) else canonical(value)
-
-
-STYLES = {"error": "red", "warning": "yellow", "note": "dim"}
 
 
 def lint(
@@ -291,8 +286,8 @@ def lint(
     findings = lint_rules(document, rule_set, place)
     searched = SearchDoubts()
     if states:
-        with ExportBar("searching states", search_steps(rule_set, states)) as bar:
-            searched = search_rules(document, rule_set, place, states, seed, lambda: bar.advance(1))
+        with TransientBar("searching states", search_steps(rule_set, states)) as bar:
+            searched = search_rules(document, rule_set, place, states, seed, bar.advance)
         findings = sorted([*findings, *searched.findings], key=lambda f: (f.line, f.kind))
     counts = {name: sum(found.severity == name for found in findings) for name in STYLES}
     if json:

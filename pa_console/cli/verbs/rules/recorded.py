@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pa_console.cli.options import JsonOption
-from pa_console.cli.progress_bars import ExportBar
+from pa_console.cli.progress_bars import TransientBar
 from pa_console.evaluation.changed_decisions import (
     FLIP_KINDS,
     ChangedDecision,
@@ -26,9 +26,14 @@ from pa_console.station.assembly import SessionSites
 from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_json
 from pa_console.views.rule_trail import BREAKING, RuleDeed, Trail, trail_of
 
-LogsArgument = Annotated[
-    list[Path], typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
-]
+COUNTED_DEEDS: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
+    ("retrieved", ("retrieved",)),
+    ("decided", ("decided", "broken", "refused")),
+    ("broken", BREAKING),
+    ("prescribed", ("prescribed",)),
+)
+
+LOGS = typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
 
 
 def find_logs(places: Sequence[Path]) -> list[Path]:
@@ -92,10 +97,7 @@ class Effects:
 
 def effect(
     rules: Annotated[str, typer.Argument(help="The changed rule file.")],
-    logs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="LOG...", help="Session logs, or folders of them."),
-    ] = None,
+    logs: Annotated[list[Path] | None, LOGS] = None,
     missions: Annotated[
         list[str] | None,
         typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
@@ -147,7 +149,7 @@ def effect(
 
 
 def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Effects) -> None:
-    with ExportBar("checking sessions again", len(logs)) as bar:
+    with TransientBar("checking sessions again", len(logs)) as bar:
         for log in logs:
             try:
                 events = SessionEvents(log)
@@ -164,7 +166,7 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
                     effects.unread[str(log)] = events.problem
             except (DocumentError, ValueError) as error:
                 effects.unread[str(log)] = str(error)
-            bar.advance(1)
+            bar.advance()
 
 
 def _missions(
@@ -179,10 +181,10 @@ def _missions(
     cases, worlds = load_with_worlds(path, own)
     old = load_rules(existing_data("rules", was, "rules.yaml"))
     plans, seed = tried
-    with ExportBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
+    with TransientBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
         for case in cases.missions:
             effects.found[f"{path}:{case.id}"] = effect_on_mission(
-                case, worlds[case.world], new, old, plans, seed, lambda: bar.advance(1)
+                case, worlds[case.world], new, old, plans, seed, bar.advance
             )
 
 
@@ -222,17 +224,9 @@ def _flip(flip: ChangedDecision) -> str:
     return f"  {at}{plan}: {flip.kind} {rules}: {flip.was} -> {flip.now}: {flip.words}"
 
 
-_COUNTED: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
-    ("retrieved", ("retrieved",)),
-    ("decided", ("decided", "broken", "refused")),
-    ("broken", BREAKING),
-    ("prescribed", ("prescribed",)),
-)
-
-
 def trace(
     rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="For example ROE-07.")],
-    logs: LogsArgument,
+    logs: Annotated[list[Path], LOGS],
     every: Annotated[bool, typer.Option("--all", help="Show where it did not apply, too.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -244,7 +238,7 @@ def trace(
     found: dict[str, list[Trail]] = {}
     unread: dict[str, str] = {}
     places = find_logs(logs)
-    with ExportBar("reading sessions", len(places)) as bar:
+    with TransientBar("reading sessions", len(places)) as bar:
         for log in places:
             try:
                 events = SessionEvents(log)
@@ -253,7 +247,7 @@ def trace(
                     unread[str(log)] = events.problem
             except DocumentError as error:
                 unread[str(log)] = str(error)
-            bar.advance(1)
+            bar.advance()
     if json:
         print_json({"rule": rule, "sessions": found, "unread": unread})
     else:
@@ -280,7 +274,7 @@ def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None
                     f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}"
                 )
     every_trail = [trail for trails in found.values() for trail in trails]
-    parts = [f"{name} in {_count(every_trail, what)}" for name, what in _COUNTED]
+    parts = [f"{name} in {_count(every_trail, what)}" for name, what in COUNTED_DEEDS]
     searched = f"sessions searched: {len(found)}"
     if every_trail:
         out.print_line(f"{rule}, missions: {', '.join(parts)}; {searched}")

@@ -1,0 +1,299 @@
+"""The checks of the models: their files, the memory and speed of this machine, their servers."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import aclosing
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from time import perf_counter, sleep
+
+from pa_console.cli.verbs.doctor.checks import Check
+from pa_console.fleets.simulated import SimulatedFleet
+from pa_console.llm.backend import (
+    BackendOptions,
+    EngineError,
+    GenerationEnd,
+    ModelError,
+    Request,
+    open_backend,
+)
+from pa_console.llm.local.confinement import REMEDY, Restriction, try_out
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.threads import idle_seconds, physical_cores
+from pa_console.llm.models.cache import hash_file
+from pa_console.llm.models.catalogue import (
+    Catalog,
+    LocalModel,
+    ModelEntry,
+    check_adapters,
+    find_model,
+)
+from pa_console.llm.models.preparing import Preparation, find_recorded
+from pa_console.llm.remote.address import KEY_VARIABLES, ServerKey
+from pa_console.llm.remote.engine import ServerEngine
+from pa_console.llm.remote.servers import SessionModels, session_models
+from pa_console.mission.context import Services
+from pa_console.mission.planning.propose import ask_for_plan
+from pa_console.mission.retrieve import RetrievedRules
+from pa_console.policy.retriever import Retriever
+from pa_console.schema.document import DocumentError
+from pa_console.schema.evaluation import Variant
+from pa_console.schema.events.event import ServerUse
+from pa_console.schema.finding import Usage
+from pa_console.schema.mission import Mission
+from pa_console.schema.text import count
+from pa_console.settings.schema import Settings
+from pa_console.sim.checkpoint import Checkpoint
+from pa_console.station.assembly import load_site
+
+SECOND_READER = "second reader"
+PINNED = "SHA-256 as the catalogue pins it"
+WORK_MB = 500
+"""Memory for the console, and for both models' processes beside their weights; measured: 400."""
+MEMORY = Path("/proc/meminfo")
+SMALLER = "close other programs, or choose a smaller model: pa-console models list"
+
+LOOK_S = 0.4
+QUIET_SHARE = 0.2
+"""Up to this share of the cores may be busy on a machine that counts as idle."""
+
+SPEED = "model's speed"
+SPEED_MISSION = "Send a drone to look at the east gate."
+LIMIT_S = 10.0
+"""The longest measurement, seconds: `doctor` has to end soon."""
+ENOUGH_S = 5.0
+"""The time, seconds, within which a plan comes while the operator still looks at the screen."""
+
+SERVER = "model server"
+
+
+def check_model(name: str) -> Iterator[Check]:
+    """Look whether the model `name` (empty: the default one) is here, its hashes and its memory."""
+    try:
+        catalog = Catalog.load()
+        entry = catalog.get(name or catalog.default)
+    except (ModelError, DocumentError) as error:
+        yield Check("model", "missing", str(error), "choose another: pa-console models list")
+        return
+    yield check_files(entry)
+    needed_mb = _loaded_mb(entry)
+    if entry.second_reader:
+        second = catalog.get(entry.second_reader)
+        yield _check_second_reader(second)
+        needed_mb += _loaded_mb(second) if second.local_file else 0
+    yield check_memory(needed_mb)
+
+
+def check_files(entry: ModelEntry) -> Check:
+    """Hash every loaded file of a model, and report its comparison."""
+    path, pull = entry.local_file, f"pa-console models pull {entry.name}"
+    if path is None:
+        return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
+    try:
+        digest = entry.check(path)
+        adapters = check_adapters(entry.name, entry.adapters)
+    except (ModelError, OSError) as error:
+        return Check("model", "missing", str(error), f"rm '{path}'; {pull}")
+    known = entry.sha256 is not None
+    parts = [f"{path}: {PINNED if known else 'no hash is known that it could be held against'}"]
+    if entry.how is not None:
+        good, words = _prepared(entry, entry.how, digest)
+        if not good:
+            return Check("model", "missing", f"{entry.name}: {words}", pull)
+        parts.append(words)
+    if files := {item.path for item in adapters}:
+        parts.append(f"{count(len(files), 'adapter')}: {PINNED}")
+    remedy = "choose a model of the catalogue that has one"
+    return Check.graded("model", known, f"{entry.name}: {'; '.join(parts)}", remedy)
+
+
+def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[bool, str]:
+    """Return whether the prepared file may be loaded, or is yet to be made, and why."""
+    path, pin = entry.prepared_file, entry.pin(how)
+    held = "the catalogue's pin" if pin else "no pin: this machine's key signs its hash then"
+    if path is None:
+        return True, f"{how} weights: made at the first start, held against {held}"
+    if pin:
+        digest = hash_file(path)
+        if digest == pin:
+            return True, f"{path}, which is loaded: {PINNED} for {how}"
+        return False, (
+            f"{path}: not the {how} weights that the catalogue pins: its SHA-256 is {digest}, "
+            f"pinned is {pin}; it is never loaded, the next start makes it again"
+        )
+    if find_recorded(entry.stem, how, source_sha256) is not None:
+        return True, (
+            f"{path}, which is loaded: SHA-256 as in the record that this machine's key signed "
+            f"when it was made; the catalogue pins none for {how}"
+        )
+    return False, (
+        f"{path}: no record signed with this machine's key fits it, and the catalogue pins no "
+        f"{how} weights; it is never loaded, the next start makes it again"
+    )
+
+
+def _loaded_mb(entry: ModelEntry) -> int:
+    """Return the megabytes of the file that is loaded, of the one to be fetched if none is here."""
+    file = entry.prepared_file or entry.local_file
+    return entry.size_mb if file is None else file.stat().st_size // 10**6
+
+
+def _check_second_reader(entry: ModelEntry) -> Check:
+    """Hash the model that reads unclear orders again; the console works without it."""
+    if entry.local_file is None:
+        pull = f"pa-console models pull {entry.name}"
+        found = f"{entry.name} is not here: an unclear order is read by one model only ({pull})"
+        return Check(SECOND_READER, "ok", found)
+    return replace(check_files(entry), name=SECOND_READER)
+
+
+def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
+    """Look whether the memory that is free holds models of `weights_mb`, and at the cores."""
+    name, cores, needed = "memory, cores", physical_cores(), weights_mb + WORK_MB
+    try:
+        lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
+        free_mb = int(lines["MemAvailable"].split()[0]) * 1024 // 10**6
+    except (OSError, KeyError, ValueError):
+        unknown = "how much memory is free cannot be told here"
+        return Check(name, "ok", f"{count(cores, 'core')}; {unknown}")
+    found = f"{free_mb} MB free, {needed} MB needed, {count(cores, 'core')}"
+    if free_mb < needed:
+        return Check(name, "warning", found, SMALLER)
+    return Check.graded(name, cores >= 2, found, "expect long answers: two cores help")
+
+
+def check_load(
+    idle: Callable[[], float | None] = idle_seconds, wait: Callable[[float], None] = sleep
+) -> Check:
+    """Look for LOOK_S seconds how many cores other programs leave."""
+    began, before = perf_counter(), idle()
+    wait(LOOK_S)
+    after, seconds = idle(), perf_counter() - began
+    cores = physical_cores()
+    if before is None or after is None:
+        return Check("load", "ok", "how busy the cores are cannot be told here")
+    busy = max(0.0, cores - (after - before) / seconds)
+    found = f"{busy:.1f} of {count(cores, 'core')} busy"
+    remedy = "answers take longer beside other work: close other programs"
+    return Check.graded("load", busy <= cores * QUIET_SHARE, found, remedy)
+
+
+def check_confinement() -> Check:
+    """Attempt in a process like the model's the acts that must be impossible."""
+    return confinement_words(try_out())
+
+
+def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
+    """Report the confinement that holds for the model's process, and its gaps with reasons."""
+    held = [item.what for item in restrictions if not item.missing]
+    missing = [f"not kept from it: {i.what} ({i.missing})" for i in restrictions if i.missing]
+    found = "; ".join([*missing, *held]) + ("" if missing else "; tried")
+    return Check.graded("model's process", not missing, found, REMEDY)
+
+
+def check_speed(name: str) -> Check:
+    """Let the model `name` (empty: the default one) write one plan, if it is on this machine."""
+    try:
+        model = find_model(name or None)
+    except ModelError as error:
+        return Check(SPEED, "ok", f"not measured: {error}")
+    try:
+        return speed_words(model.name, asyncio.run(_one_plan(model)))
+    except TimeoutError:
+        found = f"{model.name} did not write a plan within {LIMIT_S:g} s: too slow to work with"
+        return Check(SPEED, "warning", found, SMALLER)
+    except EngineError as error:
+        return Check(SPEED, "warning", f"{model.name}: {error}", "see the checks of the model")
+
+
+def speed_words(name: str, usage: Usage) -> Check:
+    """Return the speed of this machine as the time of one plan of the model `name`."""
+    prompt_tokens = usage.prompt_tokens - usage.cached_tokens
+    fast = usage.seconds <= ENOUGH_S
+    found = (
+        f"{name} reads {_rate(prompt_tokens, usage.first_token_s)} and writes "
+        f"{_rate(usage.completion_tokens, usage.seconds - usage.first_token_s)} tokens/s: "
+        f"a plan takes {usage.seconds:.1f} s, "
+        f"{'fast enough' if fast else 'slow: expect to wait for it'}"
+    )
+    return Check.graded(SPEED, fast, found, SMALLER)
+
+
+def _rate(tokens: int, seconds: float) -> str:
+    return f"{tokens / seconds:.0f}" if seconds > 0.0 else "?"
+
+
+async def _one_plan(model: LocalModel) -> Usage:
+    """Return what a plan costs; raises TimeoutError after LIMIT_S, and EngineError."""
+    site = load_site("checkpoint", "checkpoint")
+    engine = Engine(model)
+    try:
+        async with asyncio.timeout(LIMIT_S):
+            fleet = SimulatedFleet(Checkpoint(site.world))
+            services = Services.open(fleet, site.rulebook, engine, Variant())
+            mission = Mission(id="doctor", text=SPEED_MISSION, created=datetime.now(UTC))
+            hits = Retriever(site.rulebook.rules).retrieve(SPEED_MISSION)
+            question = ask_for_plan(services, RetrievedRules(mission, hits))
+            request = Request(
+                "planner",
+                question.prompt.system,
+                question.prompt.user,
+                question.grammar,
+                services.prompt_format.plan_tokens,
+                LIMIT_S,
+            )
+            async with aclosing(engine.generate(request)) as items:
+                async for item in items:
+                    if isinstance(item, GenerationEnd):
+                        return item.usage
+    finally:
+        await engine.close()
+    raise EngineError("the model's answer has no end")
+
+
+def named_models(settings: Settings) -> SessionModels:
+    """Return the models that the settings name; those of this machine alone where that is wrong."""
+    try:
+        return session_models(settings.model, settings.judge_server, settings.second_reader)
+    except ModelError:
+        return SessionModels(settings.model or None)
+
+
+def check_servers(named: SessionModels, settings: Settings) -> Iterator[Check]:
+    """Probe every server that is named; nothing is sent where none is."""
+    if settings.judge_server and "judge" not in named.named:
+        remedy = "pa-console settings set judge_server openai:BASE_URL#SERVER"
+        yield Check(SERVER, "missing", f"judge_server: {settings.judge_server!r} is none", remedy)
+    for use, name in named.named.items():
+        yield check_server(use, name, plain=settings.plain_servers)
+
+
+def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
+    """Ask the server `name` which way of constraining an answer holds, and look for its key."""
+    title = f"{SERVER}, {use}"
+    try:
+        engine = open_backend(name, BackendOptions(use, plain))
+    except ModelError as error:
+        return Check(title, "missing", str(error), "name another one, or none")
+    if not isinstance(engine, ServerEngine):
+        return Check(title, "ok", f"{engine.name}: the backend of another package, not asked")
+    asyncio.run(_looked(engine))
+    answer = engine.report.told if engine.usable else engine.detail
+    key = ServerKey.find(engine.address, KEY_VARIABLES[use])
+    if engine.state == "unconstrained":
+        remedy = "use a server that holds answers to a JSON schema or a grammar"
+    else:
+        remedy = (
+            f"start it, and see its address and key ({KEY_VARIABLES[use]}); "
+            "the model of this machine answers in its place"
+        )
+    found = f"{engine.name}: {answer}; key from {key.source}"
+    return Check.graded(title, engine.state == "ready", found, remedy)
+
+
+async def _looked(engine: ServerEngine) -> None:
+    try:
+        await engine.look()
+    finally:
+        await engine.close()

@@ -1,0 +1,56 @@
+"""`pa-console mcp`: an agent connected to a console, or in a simulated session of its own."""
+
+from typing import Annotated
+
+import typer
+
+from pa_console.cli.options import (
+    ModelOption,
+    RulesOption,
+    ScenarioOption,
+    SeedOption,
+    SessionOptions,
+    WorldOption,
+    naming_what_is_missing,
+)
+from pa_console.cli.settings_defaults import settings_of
+
+
+def mcp(
+    context: typer.Context,
+    join: Annotated[
+        str,
+        typer.Option(
+            "--join",
+            metavar="URL",
+            help="The console whose session it joins: one opened with --agents 8766 is at "
+            "http://127.0.0.1:8766/mcp. PA_CONSOLE_AGENT_TOKEN has the token.",
+        ),
+    ] = "",
+    name: Annotated[
+        str, typer.Option("--name", help="Without --join: the name of the agent.")
+    ] = "agent",
+    world: WorldOption = "checkpoint",
+    rules: RulesOption = "checkpoint",
+    model: ModelOption = None,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = 0,
+) -> None:
+    """Connect an agent over MCP, on stdin and stdout, to a running console; people decide.
+
+    Without --join, a session of its own is simulated: proposals are read, checked, rehearsed and
+    judged, and none is carried out.
+    """
+    settings = settings_of(context, "world", "rules", "model")
+    options = SessionOptions(
+        world,
+        rules,
+        model,
+        scenario,
+        seed,
+        alarms=False,
+        require_sandbox=settings.values.require_sandbox,
+    )
+    with naming_what_is_missing("mcp"):
+        from pa_console.cli.sessions.agents import join_agent, serve_agent  # noqa: PLC0415
+    raise typer.Exit(join_agent(join) if join else serve_agent(options, settings, name))

@@ -1,0 +1,22 @@
+"""`pa-console tak`: a shared or a recorded session on the map of a TAK server."""
+
+import typer
+
+from pa_console.cli.options import FollowOptions, naming_what_is_missing
+from pa_console.cli.settings_defaults import settings_of
+
+
+def tak(context: typer.Context, options: FollowOptions) -> None:
+    """Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from there.
+
+    It lasts until the session ends, or Ctrl-C.
+    """
+    if bool(options.join) == bool(options.replay):
+        raise ValueError(
+            "give --join URL for a live session, or --replay SESSION for a recorded one"
+        )
+    settings = settings_of(context)
+    with naming_what_is_missing("tak", "TAK maps need"):
+        from pa_console.cli.sessions.on_map import show  # noqa: PLC0415 - no help waits for it
+    if code := show(options, settings):
+        raise typer.Exit(code)
