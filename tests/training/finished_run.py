@@ -3,13 +3,14 @@
 import hashlib
 from pathlib import Path
 
+from pa_training.samples.near_duplicates import NearReport
+from pa_training.samples.planner_samples import Recipe
+
 from pa_console.llm.models.cache import hash_file
 from pa_training.adapters.config import TrainConfig
 from pa_training.results.lineage import ADAPTER, RunSummary, write_summary
 from pa_training.samples.data_report import write_report
 from pa_training.samples.data_set import DataFolder, Made
-from pa_training.samples.near_duplicates import NearReport
-from pa_training.samples.planner_samples import Recipe
 from pa_training.samples.sample import Sample
 
 CURVE = """\

@@ -5,11 +5,11 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pa_training.order_generator.orders import Order
+from pa_training.samples.as_said import with_names_as_said
 
 from pa_console.language.canonical.order import Ask, Reading
 from pa_console.language.canonical.reading import read_reason
-from pa_training.order_generator.orders import Order
-from pa_training.samples.as_said import with_names_as_said
 from pa_training.samples.sample import Sample
 
 SYSTEM = "Plan the mission.\nGates: EastGate, WestGate\nPlaces: Depot; base: Camp\nClosed: none"

@@ -1,8 +1,9 @@
 """The console's own missions: its very words, and what they mean."""
 
+from pa_training.order_generator.console_missions import console_missions
+
 from pa_console.schema.incident import FailAsset, SetBattery, SpawnTrack
 from pa_console.station.alarms import AlarmBook
-from pa_training.order_generator.console_missions import console_missions
 from pa_training.situations.situations import settled
 from pa_training.situations.worlds import shipped_world
 from pa_training.teacher.teacher import teach

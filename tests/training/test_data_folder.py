@@ -7,6 +7,8 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pa_training.samples.near_duplicates import NearReport
+from pa_training.samples.planner_samples import Recipe
 
 from pa_console.schema.events.event import Role
 from pa_training.samples.data_report import read_report, write_report
@@ -19,8 +21,6 @@ from pa_training.samples.data_set import (
     for_validation,
     read_journal,
 )
-from pa_training.samples.near_duplicates import NearReport
-from pa_training.samples.planner_samples import Recipe
 from pa_training.samples.sample import Sample, read_samples
 
 BOTH: tuple[Part, ...] = ("planner", "judge")

@@ -4,13 +4,13 @@ from collections import Counter
 from dataclasses import replace
 
 import pytest
+from pa_training.phrasing.rewording import COMBINED
+from pa_training.samples.planner_samples import Recipe, make_group
 
 from pa_console.evaluation.jobs import load_missions
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_training.phrasing.rewording import COMBINED
 from pa_training.samples.data_set import Job, Made, build, drop_known
-from pa_training.samples.planner_samples import Recipe, make_group
 from pa_training.situations.worlds import shipped_missions, shipped_world
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")

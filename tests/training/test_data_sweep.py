@@ -7,6 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from pa_training.samples.data_sweep import (
+    GroupMaker,
+    RemoteGroup,
+    build_on_dask,
+    make_groups,
+)
+from pa_training.samples.planner_samples import Recipe
 
 from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
 from pa_console.resources import find_data
@@ -20,13 +27,6 @@ from pa_training.samples.data_set import (
     Part,
     build,
 )
-from pa_training.samples.data_sweep import (
-    GroupMaker,
-    RemoteGroup,
-    build_on_dask,
-    make_groups,
-)
-from pa_training.samples.planner_samples import Recipe
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")
 PARTS: tuple[Part, ...] = ("planner", "judge")

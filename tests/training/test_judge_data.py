@@ -7,6 +7,10 @@ from functools import cache
 from itertools import groupby
 
 import pytest
+from pa_training.order_generator.orders import Order, canonical_order
+from pa_training.samples.corrupted_orders import swayed
+from pa_training.samples.judge_labels import Label, Unclear, label_plan
+from pa_training.samples.planner_samples import Group, Proven
 
 from pa_console.language.canonical.order import Ask, Who
 from pa_console.llm.roles.judge import read_verdict
@@ -15,14 +19,10 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.plan import Action, Plan
-from pa_training.order_generator.orders import Order, canonical_order
 from pa_training.proof.verify import verify
-from pa_training.samples.corrupted_orders import swayed
 from pa_training.samples.corrupted_plans import right_variants, wrong_variants
-from pa_training.samples.judge_labels import Label, Unclear, label_plan
 from pa_training.samples.judge_samples import judge_samples
 from pa_training.samples.outcome_samples import label_outcome, outcome_samples
-from pa_training.samples.planner_samples import Group, Proven
 from pa_training.samples.sample import Sample
 from pa_training.situations.situations import Situation, settled
 from pa_training.situations.worlds import shipped_world

@@ -4,11 +4,11 @@ import random
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pa_training.samples.judge_labels import difference
 
 from pa_console.language.canonical.reading import planned
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.plan import Action
-from pa_training.samples.judge_labels import difference
 from pa_training.situations.worlds import shipped_world
 
 WORLD = shipped_world()

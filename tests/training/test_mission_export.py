@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pa_training.results.mission_export import Found, generated_missions, write_mission_set
+from pa_training.samples.near_duplicates import NearDuplicates
 
 from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.resources import find_data
 from pa_console.schema.evaluation import MissionCase
 from pa_training.results import mission_export
-from pa_training.results.mission_export import Found, generated_missions, write_mission_set
-from pa_training.samples.near_duplicates import NearDuplicates
 from pa_training.situations.situations import Situation, settled
 from pa_training.situations.worlds import shipped_missions, shipped_world
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from pa_training.samples.near_duplicates import THRESHOLD, NearDuplicates, masked
 
 from pa_console.evaluation.jobs import load_missions
-from pa_training.samples.near_duplicates import THRESHOLD, NearDuplicates, masked
 from pa_training.situations.worlds import shipped_missions, shipped_world
 
 MISSIONS = (

@@ -1,8 +1,9 @@
 """The shipped words of operators are those of the phrase bank, but not of what is kept from it."""
 
-from pa_console.resources import data_folder
 from pa_training.phrasing.operator_words import operator_words
 from pa_training.phrasing.phrase_bank import PhraseBank, phrase_bank
+
+from pa_console.resources import data_folder
 
 
 def test_the_shipped_list_has_every_word_of_the_phrase_bank_in_its_order() -> None:

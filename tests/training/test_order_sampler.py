@@ -5,12 +5,12 @@ from collections import Counter
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pa_training.order_generator.orders import Order, canonical_order, due_asks, is_so
+from pa_training.order_generator.sampler import TASKS, sample_order
 
 from pa_console.language.canonical.order import Ask, Condition, Fact, Who
 from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.schema.telemetry import Identity, Intent, Track
-from pa_training.order_generator.orders import Order, canonical_order, due_asks, is_so
-from pa_training.order_generator.sampler import TASKS, sample_order
 from pa_training.situations.situations import Situation, random_situation, settled
 from pa_training.situations.worlds import random_world, shipped_world
 

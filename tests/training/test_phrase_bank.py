@@ -3,10 +3,10 @@
 import random
 
 import pytest
-
-from pa_console.schema.document import DocumentError
 from pa_training.phrasing.phrase_bank import KEYS, phrase_bank, read_bank
 from pa_training.phrasing.phrase_template import Template
+
+from pa_console.schema.document import DocumentError
 
 
 def test_every_key_is_worded_for_training_and_keys_with_much_wording_hold_some_back() -> None:

@@ -5,16 +5,16 @@ import re
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from pa_console.language.canonical.order import Ask, Condition, Who
-from pa_console.schema.mission import MAX_MISSION_TEXT
-from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import World
 from pa_training.order_generator.orders import Order
 from pa_training.phrasing.misspelling import misspell
 from pa_training.phrasing.names import NameForms, key_of
 from pa_training.phrasing.phrase_bank import Split, phrase_bank
 from pa_training.phrasing.phrasing import Phrasing, phrase
+
+from pa_console.language.canonical.order import Ask, Condition, Who
+from pa_console.schema.mission import MAX_MISSION_TEXT
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
 from pa_training.situations.worlds import random_world, shipped_world
 
 EMPTY = Picture(tick=0, time_s=0.0, assets={}, gates={})

@@ -5,12 +5,12 @@ import random
 from pathlib import Path
 
 import pytest
-
-from pa_console.language.canonical.reading import read_asked
-from pa_console.resources import find_data
 from pa_training.phrasing.no_orders import NOTHING_ASKED, NoOrders
 from pa_training.samples.planner_samples import Recipe
 from pa_training.samples.reading_samples import write_readings
+
+from pa_console.language.canonical.reading import read_asked
+from pa_console.resources import find_data
 from pa_training.samples.sample import Sample
 from pa_training.situations.worlds import shipped_world
 

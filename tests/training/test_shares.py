@@ -2,9 +2,9 @@
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pa_training.samples.selection import drawn
 
 from pa_training.samples.sample import Sample
-from pa_training.samples.selection import drawn
 
 
 def samples(kind: str, number: int = 200) -> list[Sample]:

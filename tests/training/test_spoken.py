@@ -4,14 +4,14 @@ from dataclasses import replace
 from random import Random
 
 import pytest
+from pa_training.order_generator.orders import canonical_meaning
+from pa_training.phrasing.rewording import SPOKEN, Rewording, Words, spoken_words
+from pa_training.samples.near_duplicates import NearDuplicates
+from pa_training.samples.planner_samples import Group, Proven, Recipe, make_group
 
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
-from pa_training.order_generator.orders import canonical_meaning
-from pa_training.phrasing.rewording import SPOKEN, Rewording, Words, spoken_words
 from pa_training.samples.data_set import Job, Made, build
-from pa_training.samples.near_duplicates import NearDuplicates
-from pa_training.samples.planner_samples import Group, Proven, Recipe, make_group
 from pa_training.situations.worlds import shipped_missions
 
 RULES = find_data("rules", "checkpoint", "rules.yaml")

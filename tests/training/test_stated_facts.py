@@ -6,13 +6,13 @@ import random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llguidance import LLMatcher, LLTokenizer
+from pa_training.order_generator.orders import is_so
+from pa_training.order_generator.sampler import sample_order
+from pa_training.phrasing.phrasing import phrase
 
 from pa_console.language.canonical.facts import DigestFacts, holds
 from pa_console.language.clause_grammar import grounded_reason
 from pa_console.llm.roles.grammar import plan_grammar
-from pa_training.order_generator.orders import is_so
-from pa_training.order_generator.sampler import sample_order
-from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import random_situation
 from pa_training.situations.worlds import random_world
 from pa_training.teacher.teacher import teach

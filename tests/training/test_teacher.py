@@ -5,6 +5,8 @@ import random
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from pa_training.order_generator.orders import Order
+from pa_training.order_generator.sampler import sample_order
 
 from pa_console.evaluation.score import compile_conditions
 from pa_console.language.canonical.order import Ask, Who
@@ -14,8 +16,6 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_training.order_generator.orders import Order
-from pa_training.order_generator.sampler import sample_order
 from pa_training.proof.verify import verify
 from pa_training.situations.situations import Situation, random_situation, settled
 from pa_training.situations.worlds import random_world, shipped_world

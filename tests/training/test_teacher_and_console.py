@@ -4,11 +4,11 @@ import random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pa_training.order_generator.orders import canonical_clause
+from pa_training.order_generator.sampler import sample_order
 
 from pa_console.language.canonical.reading import read_asked
 from pa_console.mission.planning.obstacles import obstacle_to
-from pa_training.order_generator.orders import canonical_clause
-from pa_training.order_generator.sampler import sample_order
 from pa_training.situations.situations import random_situation
 from pa_training.situations.worlds import random_world
 from pa_training.teacher.roster import Roster, objection

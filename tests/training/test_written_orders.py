@@ -5,12 +5,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 
 import pytest
-
-from pa_console.language.canonical.clauses import ASKED
-from pa_console.language.canonical.reading import read_asked
-from pa_training import LANGUAGE
 from pa_training.phrasing.no_orders import NOTHING_ASKED
-from pa_training.samples.sample import Sample
 from pa_training.samples.written_orders import (
     Writer,
     WrittenDialogue,
@@ -20,6 +15,11 @@ from pa_training.samples.written_orders import (
     read_writers,
     written_samples,
 )
+
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.reading import read_asked
+from pa_training import LANGUAGE
+from pa_training.samples.sample import Sample
 from pa_training.situations.worlds import generated_numbers, shipped_missions
 
 FOLDERS = ("written", "development", "sealed")
