@@ -81,7 +81,7 @@ class NearDuplicates:
         order, and of the mission to the part of a longer text that is most like it. The missions'
         names are masked both as those of their world and as what looks like a name anywhere.
         """
-        words = [masked(text, world) for text in texts]
+        words = [masked(text, world, in_words=True) for text in texts]
         ordered = [_in_order(text) for text in words]
         both = np.maximum(
             cdist(words, self._words, scorer=fuzz.ratio, workers=1),
@@ -102,13 +102,16 @@ def shipped_duplicates() -> NearDuplicates:
     return NearDuplicates(shipped_missions())
 
 
-def masked(text: str, world: World | None = None) -> str:
-    """Return the words of `text` with names masked by what they are, without articles."""
+def masked(text: str, world: World | None = None, *, in_words: bool = False) -> str:
+    """Return the words of `text` with names masked by what they are, without articles.
+
+    With `in_words`, so are places by their plain words, and gates by the word of their name alone.
+    """
     if world is not None:
         text = link_names(world, text)
     words = " ".join(_WORDS.findall(text.lower().replace("’", "'")))
     if world is not None:
-        forms = _forms(world)
+        forms = _forms(world, in_words=in_words)
         either = "|".join(map(re.escape, sorted(forms, key=len, reverse=True)))
         words = re.sub(rf"\b(?:{either})\b", lambda match: forms[match[0]], words)
     for pattern, mask in _MASKS:
@@ -116,15 +119,15 @@ def masked(text: str, world: World | None = None) -> str:
     return " ".join(words.split())
 
 
-def _forms(world: World) -> dict[str, str]:
-    """Return the names of a world, whole and in words, with what they are; a gate by its word."""
+def _forms(world: World, *, in_words: bool) -> dict[str, str]:
+    """Return the names of a world, in small letters, with what they are."""
     kinds = dict.fromkeys(world.zones, "zone") | dict.fromkeys(world.assets, "asset")
     kinds |= {name: frame.kind for name, frame in world.frames.items()}
-    forms = dict[str, str]()
-    for name, kind in kinds.items():
+    forms = {name.lower(): kind for name, kind in kinds.items()}
+    for name, kind in kinds.items() if in_words else ():
         words = [word.lower() for word in WORD.findall(name)]
         own = [word for word in words if word not in _GATE_WORDS] if kind == "gate" else words
-        forms |= dict.fromkeys((name.lower(), " ".join(words), " ".join(own or words)), kind)
+        forms |= dict.fromkeys((" ".join(words), " ".join(own or words)), kind)
     return forms
 
 
