@@ -8,6 +8,12 @@ from itertools import groupby
 
 import pytest
 
+from pa_console.llm.roles.judge import read_verdict
+from pa_console.policy.retriever import Retriever
+from pa_console.policy.rulebook import Rulebook, load_rules
+from pa_console.resources import data_folder
+from pa_console.schema.incident import FailAsset
+from pa_console.schema.plan import Action, Plan
 from pa_training.proof.verify import verify
 from pa_training.samples.corrupted_plans import Hope, Variant, right_variants, wrong_variants
 from pa_training.samples.groups import Group, Proven, prove

@@ -1,6 +1,6 @@
 """The teacher and the console agree on which orders can be carried out at all."""
 
-from hypothesis import given
+import pytest
 
 from pa_console.mission.planning.obstacles import obstacle_to
 from pa_training.teacher.roster import Roster, objection

@@ -6,18 +6,21 @@ from contextlib import suppress
 from itertools import islice
 
 import pytest
-from pa_training.phrasing.no_orders import NOTHING_ASKED
-from pa_training.samples.written_orders import (
-    Writer,
-    WrittenDialogue,
-    asked_as_seen,
-    drawn_situation,
-    meaning_now,
-    read_writers,
-)
 
 from pa_console.language.canonical.clauses import ASKED
 from pa_console.language.canonical.reading import read_asked
+from pa_training.orders.meaning import NOTHING_ASKED, asked_as_seen, meaning_now
+from pa_training.orders.written import (
+    Source,
+    Writer,
+    WrittenDialogue,
+    drawn_situation,
+    read_writer,
+    read_writers,
+    writer_names,
+)
+from pa_training.samples.groups import recipes, situation_of
+from pa_training.samples.readings import written_readings
 from pa_training.samples.sample import Sample
 from pa_training.situations.worlds import generated_numbers, shipped_missions
 
