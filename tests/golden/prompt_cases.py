@@ -5,6 +5,7 @@ by one; `heard` runs the mission at a station and takes down every request that 
 """
 
 import asyncio
+import json
 import random
 from collections.abc import AsyncGenerator, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -140,7 +141,8 @@ def _cases() -> Iterator[Case]:
 def _ordered(name: str, there: Situation) -> Case:
     """Return the order that is stored for a situation, with what it asks and a plan for it."""
     order = read("orders.json")[name]
-    made, canonical = Plan.model_validate(order["plan"]), tuple(order["canonical"])
+    made = Plan.model_validate_json(json.dumps(order["plan"]))
+    canonical = tuple(order["canonical"])
     return Case(name, order["text"], there, f"asked: {canonical[0]}", made, canonical)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from pa_console.language.name_linking import link_names
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.events.event import Role
@@ -95,7 +96,9 @@ def test_at_another_moment_only_orders_that_name_their_assets_are_given() -> Non
     seen = make_group(RECIPE, load_rules(RULES), frozenset())
     assert group.situation.world == seen.situation.world
     assert group.situation.picture != seen.situation.picture
+    assert group.proven
     for proven in group.proven:
-        assert proven.order.named <= group.situation.world.assets.keys()
+        words = link_names(group.situation.world, proven.case.command)
+        assert all(name in words for name in proven.order.named)
     [made_later] = build([later], RULES, "g1", 1)
     assert not any(sample.goes_on for sample in made_later.samples)

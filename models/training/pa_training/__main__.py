@@ -47,14 +47,12 @@ def data(
         Path,
         typer.Option("--out", help="Folder of the data set; one that is there is gone on with."),
     ],
-    sources: Annotated[
-        list[Literal["written", "spoken"]] | None,
+    spoken: Annotated[
+        bool,
         typer.Option(
-            "--from",
-            help="Whose orders are learnt: of writers, or said by people for generated "
-            "situations; repeatable; writers if left out.",
+            "--spoken", help="Learn what people say for generated situations beside the writers."
         ),
-    ] = None,
+    ] = False,
     plans: Annotated[
         int, typer.Option(min=0, help="Orders in each situation with whole plans and verdicts.")
     ] = 4,
@@ -72,7 +70,7 @@ def data(
     """Make readings of written orders, plans that were proven right, and plans to judge."""
     from pa_training.verbs.data import make_data, wanted_groups  # noqa: PLC0415
 
-    wanted = wanted_groups(sources or ["written"], rounds, plans, groups)
+    wanted = wanted_groups(rounds, plans, groups, spoken=spoken)
     make_data(out, wanted, jobs, rules, json)
 
 

@@ -20,16 +20,14 @@ MOST_REASONS = 12
 """Reasons for drops that are printed; the report has them all."""
 
 
-def wanted_groups(
-    sources: Sequence[Source], rounds: int, plans: int, most: int | None
-) -> list[Recipe]:
+def wanted_groups(rounds: int, plans: int, most: int | None, *, spoken: bool) -> list[Recipe]:
     """Return the groups to learn from, `most` at most, and those of the writers kept aside.
 
     Raises DocumentError for a broken file of a writer.
     """
+    sources: tuple[Source, ...] = ("written", "spoken") if spoken else ("written",)
     learnt = (recipe for source in sources for recipe in recipes(source, rounds, plans))
-    aside = recipes("development")
-    return [*islice(learnt, most), *islice(aside, most)]
+    return [*islice(learnt, most), *islice(recipes("development"), most)]
 
 
 def make_data(
