@@ -51,9 +51,8 @@ _MASKS = (
 class NearDuplicates:
     """Compares texts with the missions of some mission sets."""
 
-    def __init__(self, mission_set_files: Iterable[Path], threshold: float = THRESHOLD) -> None:
+    def __init__(self, mission_set_files: Iterable[Path]) -> None:
         """Read the missions with the worlds that they are about; raises DocumentError."""
-        self._threshold = threshold
         own: list[str] = []
         any_world: list[str] = []
         for file in mission_set_files:
@@ -72,7 +71,7 @@ class NearDuplicates:
         With the `world` that the texts are about its names are masked in every form.
         """
         nearest = self.similarity(texts, world).max(axis=1, initial=0.0)
-        return [bool(score < self._threshold) for score in nearest]
+        return [bool(score < THRESHOLD) for score in nearest]
 
     def similarity(self, texts: Sequence[str], world: World | None = None) -> NDArray[np.float32]:
         """Return an array (texts, missions) of similarities, 0 to 100.
@@ -88,7 +87,7 @@ class NearDuplicates:
             cdist(ordered, self._sorted, scorer=fuzz.ratio, workers=1),
         )
         part = cdist(
-            words, self._words, scorer=fuzz.partial_ratio, score_cutoff=self._threshold, workers=1
+            words, self._words, scorer=fuzz.partial_ratio, score_cutoff=THRESHOLD, workers=1
         )
         lengths = np.array([len(text) for text in words])
         longer = (lengths[:, None] > self._lengths) & (self._lengths >= _LEAST_PART)
