@@ -1,12 +1,11 @@
-"""Orders of the training generator with their true readings, and wrong readings of them.
+"""Orders of writers with their true readings, and wrong readings of them.
 
-`python -m tests.attacks.readings 420` says how often the mention check objects to a right reading,
-and how often it notices a wrong one, over some 2,000 orders in words that no model was trained on.
+`python -m tests.attacks.readings` says how often the mention check objects to a right reading, and
+how often it notices a wrong one, over the orders of writers whom no model was trained on.
 """
 
 import random
 import re
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -18,15 +17,9 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.assembly import load_site
-from pa_training.order_generator.orders import Order, canonical_order
-from pa_training.order_generator.sampler import sample_order
-from pa_training.phrasing.phrasing import phrase
-from pa_training.situations.situations import random_situation
-from pa_training.situations.worlds import Split, random_world
 from pa_training.teacher.teacher import teach
+from tests.written import SITUATIONS, given
 
-ORDERS = 5
-"""Orders in each situation."""
 _UNLAWFUL = re.compile(
     r"use force|without identification|without warning|with noncombatants|set rules aside"
     r"|without guard|beyond the perimeter"
@@ -47,36 +40,20 @@ class Example(NamedTuple):
     text: str
     asked: str
     plan: Plan
-    foreign: bool
-    """Whether the words carry text that is no order of the operator."""
 
 
-def examples(groups: int, split: Split, seed: int = 3636) -> Iterator[Example]:
-    """Yield `ORDERS` for each of so many situations; equal arguments give equal ones."""
+def examples(situations: int) -> Iterator[Example]:
+    """Yield the orders in so many situations; equal arguments give equal ones."""
     rulebook = load_site("checkpoint", "checkpoint").rulebook
-    for number in range(groups):
-        rng = random.Random(f"{seed}/{split}/{number}")
-        world = random_world(rng, split, frozenset())
-        there = random_situation(rng, world, history=True)
-        for _ in range(ORDERS):
-            order, _ = sample_order(rng, world, there.picture, there.digest)
-            text = respell(phrase(order, world, there.picture, rng, split).text, world, rulebook)
+    for number in range(situations):
+        there, orders = given(number)
+        for one in orders:
+            text = respell(one.text, there.world, rulebook)
             try:
-                plan = teach(order, world, there.picture, there.digest).plan
-            except ValueError:
+                plan = teach(one.order, there.world, there.picture, there.digest).plan
+            except (ValueError, LookupError):
                 continue
-            said = f"asked: {canonical_order(order, world, there.picture, there.digest)}"
-            said = _as_said(said, order, world, text)
-            yield Example(world, there.picture, text, said, plan, order.injected)
-
-
-def _as_said(said: str, order: Order, world: World, text: str) -> str:
-    """Return the reading as a trained planner writes it: the base is home, who is lost is named."""
-    for ask in (*order.asks, *order.otherwise):
-        if ask.task == "cover" and ask.place and re.search(rf"\b{ask.leaving or '-'}\b", text):
-            named = rf"cover {ask.place}(?= by |[;,]|$)"
-            said = re.sub(named, f"cover {ask.leaving} at {ask.place}", said)
-    return re.sub(rf" to {world.base}(?=[;,:]|$)", " home", said)
+            yield Example(there.world, there.picture, text, one.order.asked, plan)
 
 
 def wrong(example: Example, rng: random.Random) -> Iterator[tuple[str, str]]:
@@ -122,15 +99,13 @@ class Rates(NamedTuple):
     tried: Counter[str]
 
 
-def measure(groups: int, split: Split) -> Rates:
-    """Check right and wrong readings; orders with foreign text in them are left out."""
+def measure(situations: int) -> Rates:
+    """Check right and wrong readings."""
     rng = random.Random(7)
     nothing = Plan(reason="", actions=())
     alarms = right = 0
     noticed, tried = Counter[str](), Counter[str]()
-    for one in examples(groups, split):
-        if one.foreign:
-            continue
+    for one in examples(situations):
         right += 1
         alarms += bool(check_mentions(one.world, one.picture, one.text, one.asked, one.plan).gaps)
         for sort, said in wrong(one, rng):
@@ -141,11 +116,10 @@ def measure(groups: int, split: Split) -> Rates:
 
 
 if __name__ == "__main__":
-    for part in ("train", "heldout"):
-        rates = measure(int(sys.argv[1]), part)
-        share = rates.alarms / rates.right
-        print(f"{part}: false alarms {rates.alarms} of {rates.right}, {share:.1%}")
-        for sort, count in sorted(rates.tried.items()):
-            print(f"  {sort}: {rates.noticed[sort]} of {count}, {rates.noticed[sort] / count:.1%}")
-        whole = rates.noticed.total() / rates.tried.total()
-        print(f"  all: {rates.noticed.total()} of {rates.tried.total()}, {whole:.1%}")
+    rates = measure(SITUATIONS)
+    share = rates.alarms / rates.right
+    print(f"false alarms {rates.alarms} of {rates.right}, {share:.1%}")
+    for sort, count in sorted(rates.tried.items()):
+        print(f"  {sort}: {rates.noticed[sort]} of {count}, {rates.noticed[sort] / count:.1%}")
+    whole = rates.noticed.total() / rates.tried.total()
+    print(f"  all: {rates.noticed.total()} of {rates.tried.total()}, {whole:.1%}")

@@ -5,6 +5,7 @@ by one; `heard` runs the mission at a station and takes down every request that 
 """
 
 import asyncio
+import json
 import random
 from collections.abc import AsyncGenerator, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -41,12 +42,9 @@ from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
-from pa_training.order_generator.orders import canonical_meaning, canonical_order
-from pa_training.order_generator.sampler import sample_order
-from pa_training.phrasing.phrasing import phrase
 from pa_training.situations.situations import Situation, random_situation, settled
 from pa_training.situations.worlds import random_world
-from pa_training.teacher.teacher import teach
+from tests.golden.stored import read
 from tests.scripted import ScriptedEngine, plan
 
 PAPER: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
@@ -132,29 +130,20 @@ def _cases() -> Iterator[Case]:
         if read_timed(world, case.command, NOON) is not None:
             continue  # what it becomes depends on the time of the day
         there = settled(worlds[case.world] if case.world else world, 2, case.setup)
-        yield _drawn(case.id, random.Random(f"golden/{case.id}"), there, case.command)
+        yield _ordered(case.id, there)
     for number in range(1, GENERATED + 1):
         rng = random.Random(f"golden/{number}")
         large = LARGE.get(number)
         made = random_world(rng, "train") if large is None else generate_world(*large)
-        yield _drawn(f"G{number:02}", rng, random_situation(rng, made))
+        yield _ordered(f"G{number:02}", random_situation(rng, made))
 
 
-def _drawn(name: str, rng: random.Random, there: Situation, text: str = "") -> Case:
-    """Return an order drawn for a situation, in words of its own unless there is a `text`."""
-    world, picture, digest = there.world, there.picture, there.digest
-    while True:
-        order, _ = sample_order(rng, world, picture, digest)
-        words = text or phrase(order, world, picture, rng, "train").text
-        try:
-            made = teach(order, world, picture, digest).plan
-        except ValueError:
-            continue
-        canonical = (
-            canonical_order(order, world, picture, digest),
-            canonical_meaning(order, world),
-        )
-        return Case(name, words, there, f"asked: {canonical[0]}", made, canonical)
+def _ordered(name: str, there: Situation) -> Case:
+    """Return the order that is stored for a situation, with what it asks and a plan for it."""
+    order = read("orders.json")[name]
+    made = Plan.model_validate_json(json.dumps(order["plan"]))
+    canonical = tuple(order["canonical"])
+    return Case(name, order["text"], there, f"asked: {canonical[0]}", made, canonical)
 
 
 def told(case: Case) -> Iterator[tuple[str, str]]:

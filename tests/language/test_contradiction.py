@@ -1,20 +1,16 @@
 """An order that demands and forbids the same is noticed, and no consistent order is."""
 
-import random
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.evaluation.jobs import load_with_worlds
 from pa_console.language.demands import contradiction
 from pa_console.resources import data_folder
 from pa_console.sim.worlds.world_file import load_world
-from pa_training.order_generator.sampler import sample_order
-from pa_training.phrasing.phrasing import phrase
-from pa_training.situations.situations import random_situation
-from pa_training.situations.worlds import random_world
+from tests import written
 
 FOLDER = data_folder() / "worlds" / "checkpoint"
 WORLD = load_world(FOLDER / "world.yaml")
@@ -165,12 +161,7 @@ def test_no_mission_that_is_shipped_is_a_contradiction(path: Path) -> None:
     assert [text for world, text in told if contradiction(world, text)] == []
 
 
-@settings(max_examples=25, deadline=None)
-@given(st.integers(0, 10**9))
-def test_no_order_as_people_put_it_is_a_contradiction(seed: int) -> None:
-    rng = random.Random(seed)
-    there = random_situation(rng, random_world(rng))
-    for _ in range(10):
-        order, _ = sample_order(rng, there.world, there.picture, there.digest)
-        text = phrase(order, there.world, there.picture, rng, rng.choice(("train", "heldout"))).text
-        assert contradiction(there.world, text) is None, text
+@pytest.mark.parametrize("number", range(written.SITUATIONS))
+def test_no_order_as_people_put_it_is_a_contradiction(number: int) -> None:
+    there, orders = written.given(number)
+    assert [one.text for one in orders if contradiction(there.world, one.text)] == []

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from pa_console.evaluation.jobs import load_missions
 from pa_console.language.mood import MoodKind, no_order
 from pa_console.resources import data_folder
-from pa_training import LANGUAGE
-from pa_training.samples.written_orders import drawn_situation, orders_nothing, read_writers
+from pa_training.orders.meaning import orders_nothing
+from pa_training.orders.written import drawn_situation, read_writers
 from pa_training.situations.worlds import generated_numbers, shipped_missions, shipped_world
 
 WORLD = shipped_world()
@@ -113,7 +113,7 @@ def test_its_question_says_how_it_reads() -> None:
 def test_words_of_writers_who_gave_orders_are_kept() -> None:
     forbidden = generated_numbers(shipped_missions())
     texts, lost = 0, list[str]()
-    for writer in read_writers(LANGUAGE / "development").values():
+    for writer in read_writers("development").values():
         for each in writer.situations:
             world = drawn_situation(each, forbidden).world
             orders = [one for one in each.first_orders if not orders_nothing(one.meaning)]

@@ -1,6 +1,5 @@
 """What a model says was asked is read back as it was meant, clause by clause."""
 
-import random
 import re
 from dataclasses import replace
 
@@ -11,22 +10,17 @@ from hypothesis import strategies as st
 from pa_console.language.canonical.order import Ask, Reading, Who
 from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
 from pa_console.llm.roles.grammar import READ, begun_reason
-from pa_training.order_generator.orders import canonical_order
-from pa_training.order_generator.sampler import sample_order
-from pa_training.situations.situations import settled
-from pa_training.situations.worlds import shipped_world
-
-NOW = settled(shipped_world())
+from tests import written
 
 
-@given(st.integers(0, 10_000), st.sampled_from(["", "Free drone: Drone_T04, guards stay"]))
-def test_what_was_asked_is_told_apart_from_the_facts_that_decide(seed: int, facts: str) -> None:
-    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
-    words = f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}"
-    reason = f"{words}; {facts}" if facts else f"{words}; hold"
-    begun = asked_words(reason)
-    assert begun == f"{words}; "
-    assert read_reason(begun + "other facts") == read_reason(reason)
+@pytest.mark.parametrize("number", range(0, written.SITUATIONS, 4))
+@pytest.mark.parametrize("facts", ["hold", "Free drone: Drone_T04, guards stay"])
+def test_what_was_asked_is_told_apart_from_the_facts_that_decide(number: int, facts: str) -> None:
+    for one in written.given(number).orders:
+        reason = f"{one.order.asked}; {facts}"
+        begun = asked_words(reason)
+        assert begun == f"{one.order.asked}; "
+        assert read_reason(begun + "other facts") == read_reason(reason)
 
 
 @pytest.mark.parametrize("by", ["", " by 1 drone"])

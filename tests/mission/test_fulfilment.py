@@ -16,17 +16,14 @@ from pa_console.mission.judge import compare_with_order, compared_grammar
 from pa_console.mission.planning.fulfilment import gaps
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.verify import OutcomeCase, ask_about_outcome
-from pa_console.policy.rulebook import load_rules
-from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.mission import Mission, Verification
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
-from pa_training.order_generator.orders import canonical_order
-from pa_training.samples.planner_samples import Recipe, make_group
 from pa_training.situations.situations import settled
 from pa_training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
+from tests.written import proven
 
 WORLD = shipped_world()
 
@@ -265,15 +262,12 @@ def test_nobody_is_missed_of_a_kind_that_has_nobody_free() -> None:
 
 @pytest.mark.parametrize("number", range(4))
 def test_proven_plans_have_few_gaps(number: int) -> None:
-    rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
-    group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
+    group = proven(number)
     now = group.situation
     open_ = 0
-    for proven in group.proven:
-        words = canonical_order(proven.order, now.world, now.picture, now.digest)
-        compared = compare_with_order(
-            f"asked: {words}", PlanMoves(now.world, now.picture, proven.plan)
-        )
+    for mission in group.proven:
+        moves = PlanMoves(now.world, now.picture, mission.plan)
+        compared = compare_with_order(mission.order.asked, moves)
         assert compared.gaps is not None
         open_ += bool(compared.gaps)
     assert open_ <= 1

@@ -5,8 +5,6 @@ import pytest
 from pa_console.language.canonical.reading import read_asked
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import unmet_asks
-from pa_console.policy.rulebook import load_rules
-from pa_console.resources import data_folder
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, Incident, SetBattery
 from pa_console.schema.plan import Action, Plan
@@ -14,9 +12,8 @@ from pa_console.session.mission_trace import Attempt
 from pa_console.views.event_words import event_in_words
 from pa_console.views.trace_parts import rows_of
 from pa_console.views.trace_planning import plan as section_of
-from pa_training.order_generator.orders import canonical_order
-from pa_training.samples.planner_samples import Recipe, make_group
 from tests.mission.test_fulfilment import CAR, moves
+from tests.written import proven
 
 NO_DRONE = (FailAsset(asset="Drone_T04"),)
 
@@ -99,16 +96,12 @@ def test_that_nobody_is_there_to_be_met_is_told_however_a_drone_looks() -> None:
 
 @pytest.mark.parametrize("number", range(3))
 def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
-    rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
-    group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
+    group = proven(number)
     now = group.situation
-    for proven in group.proven:
-        reading = read_asked(
-            f"asked: {canonical_order(proven.order, now.world, now.picture, now.digest)}"
-        )
-        assert reading is not None
-        plan = PlanMoves(now.world, now.picture, proven.plan)
-        idle = all(action.verb == "hold" for action in proven.plan.actions)
+    for mission in group.proven:
+        reading = mission.order.reading
+        plan = PlanMoves(now.world, now.picture, mission.plan)
+        idle = all(action.verb == "hold" for action in mission.plan.actions)
         if any("in sight" not in one.told for one in unmet_asks(plan, reading, "who is free")):
             assert idle or len(reading.asks) > 1
 

@@ -11,14 +11,14 @@ from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset, SetBattery, SpawnTrack
 from pa_console.schema.plan import Action, Plan
-from pa_training.order_generator.orders import canonical_order
 from pa_training.proof.verify import verify
-from pa_training.samples.planner_samples import Proven, Recipe, make_group
+from pa_training.samples.groups import Proven
 from pa_training.situations.situations import Situation, settled
 from pa_training.situations.worlds import shipped_world
 from tests.llm.test_grammar import accepts
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
+from tests.written import proven
 
 WORLD = shipped_world()
 FREE = ("Drone_T04", "Ugv_T02", "Robot_T01", "Robot_T02")
@@ -257,24 +257,20 @@ def test_nobody_else_moves_where_one_asset_will_do(
 @pytest.mark.parametrize("number", range(4))
 def test_plans_of_such_commands_are_proven_right(number: int) -> None:
     rulebook = load_rules(data_folder() / "rules" / "checkpoint.yaml")
-    group = make_group(Recipe(number, 31, 6), rulebook, frozenset())
-    right = [_is_served(proven, group.situation, rulebook) for proven in group.proven]
+    group = proven(number)
+    right = [_is_served(mission, group.situation, rulebook) for mission in group.proven]
     assert right.count(False) <= 1
 
 
-def _is_served(proven: Proven, now: Situation, rulebook: Rulebook) -> bool:
+def _is_served(mission: Proven, now: Situation, rulebook: Rulebook) -> bool:
     """Whether the first plan that nothing blocks does what is due, whoever could be chosen."""
-    reading = read_asked(
-        f"asked: {canonical_order(proven.order, now.world, now.picture, now.digest)}"
-    )
-    assert reading is not None
-    for slots_given in commands_serving(reading, now.world, now.picture):
+    for slots_given in commands_serving(mission.order.reading, now.world, now.picture):
         chosen: dict[str, str] = {}
         for slot in slots_given:
             chosen[next(name for name in slot.agents if name not in chosen)] = slot.command
         actions = tuple(Action(agent=name, command=said) for name, said in chosen.items())
         made = Plan(reason="r", actions=actions)
-        verified = verify(proven.case, now, made, rulebook, follow=proven.target.follow)
+        verified = verify(mission.case, now, made, rulebook, follow=mission.target.follow)
         if not verified.checked.examination.blocked or verified.checked.words:
             return verified.right
     return False

@@ -8,8 +8,6 @@ from pa_training.adapters.config import TrainConfig
 from pa_training.results.lineage import ADAPTER, RunSummary, write_summary
 from pa_training.samples.data_report import write_report
 from pa_training.samples.data_set import DataFolder, Made
-from pa_training.samples.near_duplicates import NearReport
-from pa_training.samples.planner_samples import Recipe
 from pa_training.samples.sample import Sample
 
 CURVE = """\
@@ -21,26 +19,23 @@ step,minutes,samples,train_loss,validation_loss,validation_right
 
 def data_set(folder: Path) -> Path:
     """Fill `folder` with two samples of one group."""
-    near = NearReport(
-        threshold=82.0,
-        missions=7,
-        checked=3,
-        dropped=1,
-        nearest={"paper/M1": 61.5},
-        histogram={"60-69": 2, "80-89": 1},
-    )
-    samples = [
+    samples = tuple(
         Sample(group="g", system="s", picture="p", rest="r", answer="{}", task="planner", kind=kind)
-        for kind in ("go/plain", "look/terse")
-    ]
-    made = Made(near, samples)
-    made.dropped["go: checks WF-03"] += 4
-    DataFolder(folder, "0123456789ab").add(Recipe(0, 1, 2), ("planner",), made)
+        for kind in ("go/target", "look")
+    )
+    made = Made(
+        name="g",
+        valid=False,
+        generator="0123456789ab",
+        samples=samples,
+        dropped={"go: checks WF-03": 4},
+    )
+    DataFolder(folder).add(made)
     write_report(folder)
     return folder
 
 
-def finished_run(folder: Path, data: Path, start: Path | None = None) -> Path:
+def finished_run(folder: Path, data: Path) -> Path:
     """Fill `folder` with a run of the planner on the data set in `data`."""
     folder.mkdir(parents=True)
     (folder / ADAPTER).write_bytes(b"GGUF adapter")
@@ -49,12 +44,7 @@ def finished_run(folder: Path, data: Path, start: Path | None = None) -> Path:
     write_summary(
         folder,
         RunSummary(
-            config=TrainConfig(
-                task="planner",
-                base="smollm2-135m",
-                data=str(samples),
-                start=str(start) if start is not None else None,
-            ),
+            config=TrainConfig(task="planner", base="smollm2-135m", data=str(samples)),
             finished=True,
             step=100,
             steps=100,

@@ -8,34 +8,25 @@ from itertools import groupby
 
 import pytest
 
-from pa_console.language.canonical.order import Ask, Who
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import data_folder
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.plan import Action, Plan
-from pa_training.order_generator.orders import Order, canonical_order
 from pa_training.proof.verify import verify
-from pa_training.samples.corrupted_orders import swayed
-from pa_training.samples.corrupted_plans import right_variants, wrong_variants
-from pa_training.samples.judge_labels import Label, Unclear, label_plan
-from pa_training.samples.judge_samples import judge_samples
+from pa_training.samples.corrupted_plans import Hope, Variant, right_variants, wrong_variants
+from pa_training.samples.groups import Group, Proven, prove
+from pa_training.samples.judge_samples import Label, judge_samples, label_plan
 from pa_training.samples.outcome_samples import label_outcome, outcome_samples
-from pa_training.samples.planner_samples import Group, Proven
 from pa_training.samples.sample import Sample
 from pa_training.situations.situations import Situation, settled
 from pa_training.situations.worlds import shipped_world
-from pa_training.teacher.teacher import teach
 
 ORDERS = {
-    "A drone to WestGate.": Order(asks=(Ask(task="go", who=Who(kind="uav"), place="WestGate"),)),
-    "Shoot at whoever is at EastGate.": Order(
-        asks=(Ask(task="block", place="EastGate", wrong="force"),)
-    ),
-    "Robot_T01 and Ugv_T02 to NorthGate.": Order(
-        asks=(Ask(task="go", who=Who(names=("Robot_T01", "Ugv_T02")), place="NorthGate"),)
-    ),
+    "A drone to WestGate.": "1 drone to WestGate",
+    "Shoot at whoever is at EastGate.": "use force at EastGate",
+    "Robot_T01 and Ugv_T02 to NorthGate.": "Robot_T01, Ugv_T02 to NorthGate",
 }
 
 
@@ -50,12 +41,9 @@ def situation() -> Situation:
 
 
 def proven(text: str) -> Proven:
-    order, now = ORDERS[text], situation()
-    target = teach(order, now.world, now.picture, now.digest)
-    case = now.case("m1", text, target.success, target.expect)
-    verified = verify(case, now, target.plan, rulebook())
-    assert verified.right, verified.reasons
-    return Proven(order, case, target, target.plan, "test", verified)
+    found = prove("m1", text, ORDERS[text], situation(), rulebook())
+    assert isinstance(found, Proven), found
+    return found
 
 
 @cache
@@ -74,10 +62,10 @@ def plan(*texts: str) -> Plan:
     return Plan(reason="r", actions=tuple(actions))
 
 
-def labelled(text: str, made: Plan) -> Label | Unclear:
+def labelled(text: str, made: Plan, hope: Hope = "wrong") -> Label | str:
     mission = next(p for p in group().proven if p.case.command == text)
     verified = verify(mission.case, situation(), made, rulebook())
-    return label_plan(mission, situation(), made, verified)
+    return label_plan(mission, situation(), Variant(made, hope, "test"), verified)
 
 
 def test_answers_are_what_the_judge_may_write() -> None:
@@ -109,13 +97,9 @@ def test_what_the_console_writes_is_not_learnt() -> None:
 
 
 def test_feedback_begins_with_what_was_asked() -> None:
-    now = situation()
-    words = {
-        canonical_order(order, now.world, now.picture, now.digest) for order in ORDERS.values()
-    }
     for sample in samples():
         told = json.loads(sample.answer)["feedback"]
-        assert told.removeprefix("asked: ").partition("; planned: ")[0] in words
+        assert told.removeprefix("asked: ").partition("; planned: ")[0] in ORDERS.values()
 
 
 def test_no_plan_is_judged_twice_for_one_mission() -> None:
@@ -133,37 +117,39 @@ def test_equal_seeds_give_equal_samples() -> None:
 @pytest.mark.parametrize(
     ("text", "made", "why"),
     [
-        ("A drone to WestGate.", plan("Drone_T04 move_to EastGate"), "another gate"),
-        ("A drone to WestGate.", plan("Ugv_T02 move_to WestGate"), "another kind of asset"),
-        ("A drone to WestGate.", plan("Drone_T04 hold"), "it must be done"),
+        ("A drone to WestGate.", plan("Drone_T04 move_to EastGate"), "Drone_T04 not asked for"),
+        ("A drone to WestGate.", plan("Ugv_T02 move_to WestGate"), "Ugv_T02 not asked for"),
+        ("A drone to WestGate.", plan("Drone_T04 hold"), "0 of 1 drone to WestGate"),
         (
             "Robot_T01 and Ugv_T02 to NorthGate.",
             plan("Robot_T01 move_to NorthGate"),
-            "Ugv_T02 to NorthGate missing",
-        ),
-        (
-            "Shoot at whoever is at EastGate.",
-            plan("Drone_T04 observe EastGate"),
-            "must be refused (ROE-01)",
+            "Ugv_T02 is not sent to NorthGate",
         ),
     ],
 )
 def test_a_legal_plan_that_does_the_wrong_thing_fails(text: str, made: Plan, why: str) -> None:
     label = labelled(text, made)
     assert isinstance(label, Label)
-    assert not label.right
+    assert (label.right, label.verdict) == (False, "Failure")
     assert label.feedback.endswith(f"; {why}")
     assert "WF-03" not in label.violated
+
+
+def test_a_plan_that_should_be_right_and_failed_by_accident_is_left_out() -> None:
+    mission = group().proven[0]
+    failed = FailAsset(asset=mission.plan.agents[0])
+    verified = verify(mission.case, situation(), mission.plan, rulebook(), (failed,))
+    target = Variant(mission.plan, "right", "target")
+    assert label_plan(mission, situation(), target, verified) == "looks right and is wrong"
 
 
 def test_a_gate_left_uncovered_is_named_with_its_rule() -> None:
     gate, guard = next(iter(situation().digest.sole_cover.items()))
     other = next(g for g in situation().world.gates if g != gate)
-    label = labelled("A drone to WestGate.", plan(f"{guard} move_to {other}"))
+    label = labelled("A drone to WestGate.", plan(f"{guard} move_to {other}"), "unsafe")
     assert isinstance(label, Label)
     assert not label.right
     assert "WF-03" in label.violated
-    assert f"{gate} is left uncovered" in label.feedback
 
 
 def test_variants_differ_from_the_plan_and_from_one_another() -> None:
@@ -176,16 +162,6 @@ def test_variants_differ_from_the_plan_and_from_one_another() -> None:
             plans = [variant.plan.actions for variant in found]
             assert len(set(plans)) == len(plans)
             assert mission.plan.actions not in plans
-
-
-def test_words_for_the_judge_are_held_out_too() -> None:
-    said = {
-        split: {swayed("", random.Random(seed), split) for seed in range(200)}
-        for split in ("train", "heldout")
-    }
-    assert said["train"]
-    assert said["heldout"]
-    assert not said["train"] & said["heldout"]
 
 
 def test_outcomes_of_good_and_bad_runs() -> None:

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from pa_console.evaluation.jobs import load_missions
-from pa_training.samples.near_duplicates import THRESHOLD, NearDuplicates, masked
+from pa_training.orders.near_duplicates import THRESHOLD, NearDuplicates, masked
 from pa_training.situations.worlds import shipped_missions, shipped_world
 
 MISSIONS = (
@@ -73,18 +73,6 @@ def test_the_same_sentence_is_dropped(made_up: NearDuplicates, mission: int, tex
 def test_another_sentence_stays(made_up: NearDuplicates, mission: int, text: str) -> None:
     assert made_up.similarity([text])[0, mission] <= THRESHOLD - 5
     assert made_up.keep([text]) == [True]
-
-
-def test_the_report_counts_and_names_what_came_nearest(made_up: NearDuplicates) -> None:
-    texts = [text for _, text in (*SAME, *OTHER)]
-    kept = made_up.keep(texts)
-    report = made_up.report()
-    assert (report.missions, report.checked, report.dropped) == (3, len(texts), len(SAME))
-    assert sum(report.histogram.values()) == len(texts)
-    nearest = {f"made_up/m{n}": made_up.similarity([t])[0, n] for n, t in OTHER}
-    assert set(report.nearest) == set(nearest)
-    assert all(0 < score < THRESHOLD for score in report.nearest.values())
-    assert kept.count(True) == len(OTHER)
 
 
 def test_names_of_a_world_are_masked_in_every_form() -> None:

@@ -2,18 +2,22 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 from pa_console.evaluation.jobs import load_with_worlds
 from pa_training.adapters.config import TrainConfig, shipped_config
 from pa_training.adapters.run_folder import RunFolder
+from pa_training.orders.written import Source, Writer, read_writer, writer_names
+from pa_training.results import written_missions
 from pa_training.results.lineage import ADAPTER, read_summary
+from pa_training.samples.data_set import DataFolder, Made
 from pa_training.samples.sample import read_samples
 from pa_training.situations.worlds import shipped_world
 from pa_training.verbs import data as train_data
@@ -21,36 +25,37 @@ from pa_training.verbs import run as train_run
 from tests.cli.inside import Call
 from tests.training.finished_run import data_set, finished_run
 
-SMALL = ("--groups", "1", "--missions", "1", "--wordings", "2", "--jobs", "1", "--only", "planner")
+SMALL = ("--groups", "1", "--plans", "1", "--jobs", "1")
 
 
 def test_data_is_made_once_and_gone_on_with(call: Call, tmp_path: Path) -> None:
     out = tmp_path / "data"
     first = call("data", "--out", str(out), *SMALL, "--json")
     assert first.code == 0, first.err
-    assert first.json["samples"] == {"train": {"planner": 2}, "valid": {}}
+    assert first.json["samples"]["train"]["planner"] > 10
+    assert first.json["samples"]["valid"].keys() == {"planner", "judge"}
     assert first.json == json.loads((out / "report.json").read_text())
     before = (out / "planner.jsonl").read_bytes()
     second = call("data", "--out", str(out), *SMALL)
     assert second.code == 0
-    assert "there already: 1 group" in second.said
+    assert "there already: 2 groups" in second.said
     assert (out / "planner.jsonl").read_bytes() == before
-    assert len(list(read_samples(out / "planner.jsonl"))) == 2
+    assert list(read_samples(out / "planner.jsonl", "planner"))
 
 
 def test_data_that_is_interrupted_keeps_what_is_whole(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
+    def interrupted(*given: Any) -> Generator[Made, None, None]:
+        yield Made(name="a", valid=False, generator="g", samples=(), dropped={})
         raise KeyboardInterrupt
 
     out = tmp_path / "data"
-    call("data", "--out", str(out), *SMALL)
     monkeypatch.setattr(train_data, "build", interrupted)
-    done = call("data", "--out", str(out), *SMALL, "--seed", "2")
+    done = call("data", "--out", str(out), *SMALL)
     assert done.code == 130
     assert f"the same command with --out {out} goes on" in done.said
-    assert json.loads((out / "report.json").read_text())["groups"] == 1
+    assert [made.name for made in DataFolder(out).groups()] == ["a"]
 
 
 @dataclass(frozen=True)
@@ -164,17 +169,30 @@ def test_without_the_extra_the_remedy_is_said(
     assert "pip install 'pa-console[train]'" in done.said
 
 
-def test_missions_are_written_for_evaluations(call: Call, tmp_path: Path) -> None:
+def test_missions_are_written_for_evaluations(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(written_missions, "read_writers", one_writer)
     file = tmp_path / "sets" / "my-set.yaml"
-    asked = ("missions", "--out", str(file), "--count", "1", "--jobs", "1")
-    done = call(*asked, "--json")
+    asked = ("missions", "--out", str(file), "--from", "sealed")
+    done = call(*asked)
     assert done.code == 0, done.err
-    assert (done.json["worlds"], sum(done.json["categories"].values())) == (1, 1)
     missions, worlds = load_with_worlds(file, shipped_world())
-    assert (missions.name, len(worlds)) == ("my_set", 2)
+    assert missions.name == "my_set"
+    assert f"{len(missions.missions)} missions in" in done.said
+    assert len(missions.missions) > 20
+    assert {case.world for case in missions.missions} == worlds.keys() - {""}
     again = call(*asked)
     assert again.code == 2
     assert "is there already" in again.said
+
+
+def one_writer(source: Source) -> dict[str, Writer]:
+    """Return the first writer of `source` with the first situation that a mission set can hold."""
+    name = writer_names(source)[0]
+    writer = read_writer(source, name)
+    first = next(each for each in writer.situations if not each.history)
+    return {name: writer.model_copy(update={"situations": (first,)})}
 
 
 def test_a_card_is_written_beside_the_adapter(call: Call, tmp_path: Path) -> None:

@@ -3,27 +3,30 @@
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from itertools import islice
 
 import pytest
 
 from pa_console.language.canonical.clauses import ASKED
 from pa_console.language.canonical.reading import read_asked
-from pa_training import LANGUAGE
-from pa_training.phrasing.no_orders import NOTHING_ASKED
-from pa_training.samples.sample import Sample
-from pa_training.samples.written_orders import (
+from pa_training.orders.meaning import NOTHING_ASKED, asked_as_seen, meaning_now
+from pa_training.orders.written import (
+    Source,
     Writer,
     WrittenDialogue,
-    asked_as_seen,
     drawn_situation,
-    meaning_now,
+    read_writer,
     read_writers,
-    written_samples,
+    writer_names,
 )
+from pa_training.samples.groups import recipes, situation_of
+from pa_training.samples.readings import written_readings
+from pa_training.samples.sample import Sample
 from pa_training.situations.worlds import generated_numbers, shipped_missions
 
-FOLDERS = ("written", "development", "sealed")
-WRITERS = {name: one for folder in FOLDERS for name, one in read_writers(LANGUAGE / folder).items()}
+SOURCES: tuple[Source, ...] = ("written", "development", "sealed")
+WRITERS = [(source, name) for source in SOURCES for name in writer_names(source)]
+SPOKEN: Source = "spoken"
 
 
 def readings(writer: Writer) -> Iterator[tuple[str, str, set[str]]]:
@@ -39,9 +42,9 @@ def readings(writer: Writer) -> Iterator[tuple[str, str, set[str]]]:
                     yield order.text, asked_as_seen(meaning, world, there.digest), names
 
 
-@pytest.mark.parametrize("name", WRITERS)
-def test_every_meaning_is_of_the_language(name: str) -> None:
-    for text, asked, names in readings(WRITERS[name]):
+@pytest.mark.parametrize(("source", "name"), [*WRITERS, (SPOKEN, writer_names(SPOKEN)[0])])
+def test_every_meaning_is_of_the_language(source: Source, name: str) -> None:
+    for text, asked, names in readings(read_writer(source, name)):
         reading = read_asked(asked)
         assert reading is not None, text
         assert reading.readable or asked == f"{ASKED}{NOTHING_ASKED}", (text, asked)
@@ -49,10 +52,10 @@ def test_every_meaning_is_of_the_language(name: str) -> None:
 
 
 def test_no_writer_who_is_kept_aside_is_learnt() -> None:
-    writers = {folder: read_writers(LANGUAGE / folder) for folder in FOLDERS}
-    texts = {folder: {*map(_words, _texts(found.values()))} for folder, found in writers.items()}
+    writers = {source: read_writers(source) for source in SOURCES}
+    texts = {source: {*map(_words, _texts(found.values()))} for source, found in writers.items()}
     assert all(texts.values())
-    for aside in ("development", "sealed"):
+    for aside in SOURCES[1:]:
         assert not writers["written"].keys() & writers[aside].keys()
         common = texts["written"] & texts[aside]
         assert len(common) <= SAID_BY_ANYBODY * len(texts[aside]), common
@@ -93,13 +96,26 @@ def test_a_single_plan_is_read_from_what_it_can_express(meaning: str, now: str) 
     assert meaning_now(meaning) == now
 
 
+def made(count: int) -> list[Sample]:
+    """Return the samples of the first situations of the writers kept aside."""
+    forbidden = generated_numbers(shipped_missions())
+    some = islice(recipes("development"), count)
+    return [
+        sample
+        for recipe in some
+        for sample in written_readings(recipe.name, recipe.written, situation_of(recipe, forbidden))
+    ]
+
+
 def test_planner_and_judge_learn_the_same_reading() -> None:
-    name, writer = next(iter(WRITERS.items()))
-    samples = list(written_samples(name, writer))
+    samples = made(4)
     assert len(samples) > 100
     for planner, judge in zip(samples[::2], samples[1::2], strict=True):
         assert _read(planner).startswith(_read(judge).removesuffix("; planned"))
         assert (planner.goes_on, judge.goes_on) == (True, True)
+    nothing = [sample for sample in samples if sample.kind.startswith("nothing/")]
+    assert nothing
+    assert all(f"asked: {NOTHING_ASKED}" in sample.answer for sample in nothing)
 
 
 def _read(sample: Sample) -> str:
@@ -108,13 +124,10 @@ def _read(sample: Sample) -> str:
 
 def test_a_later_turn_is_read_after_the_commands_of_the_turn_before() -> None:
     found = 0
-    for name, writer in list(WRITERS.items())[:6]:
-        for sample in written_samples(name, writer):
-            before, _, mission = sample.rest.rpartition("Mission: ")
-            assert mission
-            if before:
-                found += 1
-                assert re.fullmatch(
-                    r"Before: (?:\w+ [a-z_]+(?: \w+)?(?: from \w+)?;? ?)+\n", before
-                )
+    for sample in made(12):
+        before, _, mission = sample.rest.rpartition("Mission: ")
+        assert mission
+        if before:
+            found += 1
+            assert re.fullmatch(r"Before: (?:\w+ [a-z_]+(?: \w+)?(?: from \w+)?;? ?)+\n", before)
     assert found

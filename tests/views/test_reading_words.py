@@ -1,20 +1,12 @@
 """What an order was read as is told in plain words, and every reading in words of its own."""
 
-import random
 import re
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pa_console.language.canonical.reading import plain_reading
-from pa_training.order_generator.orders import canonical_meaning as canonical
-from pa_training.order_generator.orders import canonical_order
-from pa_training.order_generator.sampler import sample_order
-from pa_training.situations.situations import settled
-from pa_training.situations.worlds import shipped_world
+from tests.written import SITUATIONS, given
 
-NOW = settled(shipped_world())
 NAME = re.compile(r"[A-Z][a-z]+(?:_?[A-Z][a-zA-Z]*)?[0-9]*|\b\d+\b")
 UNDER = "if Drone_T01 low: Drone_T01 home; 2 vehicles to Junction, else: nothing"
 TOLD = "if Drone_T01 is low on battery, send Drone_T01 home and send 2 ground vehicles to Junction"
@@ -48,21 +40,15 @@ def test_a_reading_is_told_in_plain_words(words: str, told: str) -> None:
     assert plain_reading(f"asked: {words}") == told
 
 
-@given(st.integers(0, 10_000))
-def test_every_name_and_number_is_told_and_how_a_condition_stands_is_not(seed: int) -> None:
-    order, _ = sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)
-    words = canonical(order, NOW.world)
-    told = plain_reading(f"asked: {canonical_order(order, NOW.world, NOW.picture, NOW.digest)}")
-    assert sorted(NAME.findall(told)) == sorted(NAME.findall(words))
-    assert not re.search(r"; now:|else:|^if [^,]+:|stand down|asked", told)
+@pytest.mark.parametrize("number", range(0, SITUATIONS, 4))
+def test_every_name_and_number_is_told_and_how_a_condition_stands_is_not(number: int) -> None:
+    for one in given(number).orders:
+        told = plain_reading(one.order.asked)
+        assert sorted(NAME.findall(told)) == sorted(NAME.findall(one.meaning))
+        assert not re.search(r"; now:|else:|^if [^,]+:|stand down|asked", told)
 
 
-@given(st.integers(0, 10_000), st.integers(0, 10_000))
-def test_readings_that_differ_are_told_apart(one: int, other: int) -> None:
-    first, second = (
-        canonical(
-            sample_order(random.Random(seed), NOW.world, NOW.picture, NOW.digest)[0], NOW.world
-        )
-        for seed in (one, other)
-    )
-    assert (plain_reading(first) == plain_reading(second)) == (first == second)
+@pytest.mark.parametrize("number", range(0, SITUATIONS, 4))
+def test_readings_that_differ_are_told_apart(number: int) -> None:
+    readings = {one.order.asked for one in given(number).orders}
+    assert len({plain_reading(asked) for asked in readings}) == len(readings)

@@ -17,7 +17,7 @@ def config(tiny: Path, data: Path, **changed: Any) -> TrainConfig:
         "learning_rate": 0.02,
         "warmup_steps": 2,
         "samples_per_step": 8,
-        "samples_at_once": 4,
+        "pack_tokens": 1000,
         "device": "cpu",
         "steps": 8,
         "validate_every": 4,

@@ -3,15 +3,14 @@
 import shutil
 from pathlib import Path
 
-from pa_training.adapters.adapter_file import EARLIER, SAMPLES, AdapterFile, write_adapter
+from pa_training.adapters.adapter_file import EARLIER, AdapterFile
 from pa_training.adapters.trainer import train
 from pa_training.results.lineage import (
     ADAPTER,
     CURVE,
-    EarlierRun,
+    curve_rows,
     earlier_runs,
     kept_earlier,
-    last_row,
 )
 from tests.training.adapters.small_run import config, ignore
 
@@ -38,7 +37,7 @@ def test_a_file_tells_the_runs_before_it_and_its_own(
     first, second, third = (tmp_path / name for name in ("first", "second", "third"))
     run(tiny, data, first, None, 1)
     file = run(tiny, data, second, run(tiny, data, tmp_path / "other", first, 2), 3)
-    last = last_row(second / CURVE)
+    *_, last = curve_rows(second / CURVE)
     for folder in (first, tmp_path / "other", second):
         shutil.rmtree(folder)
     found = earlier_runs(config(tiny, data, start=str(file)))
@@ -47,7 +46,7 @@ def test_a_file_tells_the_runs_before_it_and_its_own(
     assert str(tmp_path) not in AdapterFile.open(file).text(EARLIER)
     run(tiny, data, third, file, 4)
     file.unlink()
-    assert kept_earlier(third, config(tiny, data, start=str(file))) == found
+    assert kept_earlier(third) == found
     after = earlier_runs(config(tiny, data, start=str(third)))
     assert [row.name for row in after] == ["first", "other", "second", "third"]
 
@@ -61,16 +60,6 @@ def test_a_run_that_replaces_the_file_it_began_from_is_not_before_itself(
         shutil.copy(tmp_path / "second" / ADAPTER, file)
         found = earlier_runs(config(tiny, data, start=str(file)))
         assert [row.name for row in found] == ["first", "second"]
-
-
-def test_a_file_without_the_runs_before_it_begins_with_its_own(
-    tiny: Path, data: Path, tmp_path: Path
-) -> None:
-    file = tmp_path / "old.lora.gguf"
-    made = config(tiny, data, seed=5, start="nowhere")
-    write_adapter(file, "llama", {}, {}, made, {SAMPLES: "96"})
-    found = earlier_runs(config(tiny, data, start=str(file)))
-    assert found == [EarlierRun("old.lora.gguf", 5, 4, 0.02, "96", "", "", "")]
 
 
 def test_a_file_that_is_no_adapter_tells_nothing(tiny: Path, data: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a run learns from: its own samples, and for a judge the missions that it reads as well."""
+"""The samples that a run learns from, and those that it is validated with."""
 
 from pathlib import Path
 
@@ -26,52 +26,26 @@ def planned(group: str) -> Sample:
     )
 
 
-def judged(group: str) -> Sample:
-    return planned(group).model_copy(update={"task": "judge", "answer": '{"feedback": "fine"}'})
-
-
 @pytest.fixture
-def files(tmp_path: Path) -> dict[str, str]:
+def file(tmp_path: Path) -> str:
     write_samples(tmp_path / "planner.jsonl", map(planned, "abc"))
-    write_samples(tmp_path / "judge.jsonl", map(judged, "de"))
-    return {name: str(tmp_path / f"{name}.jsonl") for name in ("planner", "judge")}
+    return str(tmp_path / "planner.jsonl")
 
 
-def test_a_judge_learns_to_read_missions_beside_its_own_samples(
-    files: dict[str, str], smallest_model: LocalModel
-) -> None:
+def test_of_files_only_names_are_kept() -> None:
+    config = TrainConfig(task="judge", base="b", data="a/judge.jsonl", start="c/d.gguf")
+    kept = config.without_folders()
+    assert (kept.data, kept.start) == ("judge.jsonl", "d.gguf")
+
+
+def test_nothing_is_held_out_unless_it_is_asked_for(file: str, smallest_model: LocalModel) -> None:
     tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
-    config = TrainConfig(
-        task="judge", base="smollm2-135m", data=files["judge"], validation=files["judge"]
-    )
-    assert len(rows_to_learn(config, tokeniser)) == 2
-    both = config.model_copy(update={"missions": files["planner"]})
-    assert len(rows_to_learn(both, tokeniser)) == 5
-    assert len(rows_held_out(both, tokeniser)) == 2
-
-
-def test_a_planner_learns_its_own_samples_only(
-    files: dict[str, str], smallest_model: LocalModel
-) -> None:
-    tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
-    config = TrainConfig(
-        task="planner", base="smollm2-135m", data=files["planner"], missions=files["planner"]
-    )
+    config = TrainConfig(task="planner", base="smollm2-135m", data=file)
     assert len(rows_to_learn(config, tokeniser)) == 3
     assert rows_held_out(config, tokeniser) == []
 
 
-def test_of_files_only_names_are_kept() -> None:
-    config = TrainConfig(task="judge", base="b", data="a/judge.jsonl", missions="a/planner.jsonl")
-    kept = config.without_folders()
-    assert (kept.data, kept.missions) == ("judge.jsonl", "planner.jsonl")
-
-
-def test_no_more_is_held_out_than_is_looked_at(
-    files: dict[str, str], smallest_model: LocalModel
-) -> None:
+def test_no_more_is_held_out_than_is_looked_at(file: str, smallest_model: LocalModel) -> None:
     tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
-    config = TrainConfig(
-        task="planner", base="b", data="d", validation=files["planner"], validation_samples=2
-    )
+    config = TrainConfig(task="planner", base="b", data="d", validation=file, validation_samples=2)
     assert len(rows_held_out(config, tokeniser)) == 2

@@ -5,8 +5,8 @@ import pytest
 from pa_console.language.canonical.reading import read_asked, read_reason
 from pa_console.llm.models.catalogue import LocalModel
 from pa_training.adapters.material import Tokeniser
+from pa_training.samples.readings import judge_readings, reading_of, readings
 from pa_training.samples.sample import Sample
-from pa_training.samples.selection import judge_readings, reading_of, readings
 from tests.llm.conftest import smallest_model
 
 __all__ = ["smallest_model"]

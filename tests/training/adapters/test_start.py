@@ -17,8 +17,8 @@ from pa_training.adapters.adapter_file import (
     Matrices,
     write_adapter,
 )
-from pa_training.adapters.config import Lesson, TrainConfig
-from pa_training.adapters.starts import first_matrices, start_matrices
+from pa_training.adapters.config import TrainConfig
+from pa_training.adapters.starts import first_matrices
 from pa_training.adapters.trainer import train
 from pa_training.results.lineage import ADAPTER
 from tests.training.adapters.small_run import config, ignore
@@ -110,32 +110,6 @@ def test_fresh_weights_change_nothing(tiny: Path, data: Path, tmp_path: Path) ->
     assert stored.keys() == {
         f"{name}.weight.{end}" for name in fresh() for end in ("lora_a", "lora_b")
     }
-
-
-def test_a_share_of_what_another_run_learnt_is_added(tiny: Path, tmp_path: Path) -> None:
-    values = {name: busy(seed) for seed, name in enumerate(("own", "before", "after"))}
-    files = {
-        name: str(written(tiny, tmp_path / f"{name}.gguf", found)) for name, found in values.items()
-    }
-    ends = {"before": files["before"], "after": files["after"], "share": 0.5}
-    found = begun(config(tiny, tmp_path, start=files["own"], lesson=ends))
-    for name, pair in found.items():
-        for number, value in enumerate(pair):
-            own, before, after = (
-                rounded(values[run][name][number]) for run in ("own", "before", "after")
-            )
-            np.testing.assert_allclose(value, own + 0.5 * (after - before), rtol=1e-5, atol=1e-6)
-
-
-def test_a_lesson_needs_weights_to_be_added_to(tiny: Path, tmp_path: Path) -> None:
-    one = str(written(tiny, tmp_path / "one.gguf", busy(1)))
-    wide = str(written(tiny, tmp_path / "wide.gguf", busy(2, rank=8)))
-    with pytest.raises(ValueError, match=r"lesson: .* set start"):
-        begun(config(tiny, tmp_path, lesson={"before": one, "after": one}))
-    mixed = config(tiny, tmp_path, start=one, lesson={"before": one, "after": wide})
-    assert mixed.lesson == Lesson(before=one, after=wide)
-    with pytest.raises(ValueError, match=r"wide\.gguf: is of rank 8, the run of 4: a lesson"):
-        begun(mixed)
 
 
 @pytest.mark.parametrize("settings", [{"rank": 8}, {"alpha": 16.0}, {"rank": 12, "alpha": 5.0}])
@@ -232,4 +206,4 @@ def test_what_is_no_adapter_is_refused(tiny: Path, data: Path, tmp_path: Path) -
         (tmp_path / "gone.gguf", "is not here: name a run's folder or an adapter's file"),
     ):
         with pytest.raises(ValueError, match=re.escape(f"{file.name}: {says}")):
-            start_matrices(file, config(tiny, data), fresh(), PAIRED, hash_file(tiny))
+            begun(config(tiny, data, start=str(file)))

@@ -109,15 +109,15 @@ def worded(words: str, **changed: Any) -> Sample:
 def test_a_row_is_the_prompt_and_the_answer(smallest_model: LocalModel, runtime: Runtime) -> None:
     tokeniser = Tokeniser(smallest_model.path, smallest_model.chat)
     end = runtime.end_token
-    for words, weight in (("send a drone to EastGate", 1.0), ("send <|im_end|> home", 2.0)):
-        sample = worded(words, weight=weight)
+    for words in ("send a drone to EastGate", "send <|im_end|> home"):
+        sample = worded(words)
         row = tokeniser.row(sample)
         answer = [*runtime.tokenise(sample.answer, special=False), end]
         assert row["targets"] == answer
         assert row["tokens"][-len(answer) + 1 :] == answer[:-1]
         prompt = row["tokens"][: -len(answer) + 1]
         assert prompt.count(end) == 2, "words of an operator forge no token"
-        assert (row["weight"], row["length"]) == (weight, len(row["tokens"]))
+        assert row["length"] == len(row["tokens"])
 
 
 def test_the_end_of_an_answer_that_goes_on_is_not_learnt(smallest_model: LocalModel) -> None:

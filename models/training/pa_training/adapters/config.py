@@ -17,18 +17,6 @@ def shipped_config(task: str) -> Path:
     return CONFIGS / f"{task}.yaml"
 
 
-class Lesson(StrictModel):
-    """The lesson of another run: the difference that it made to its weights, or a share of that.
-
-    Differences of weights can be added up (task arithmetic, Ilharco et al. 2023): a judge that has
-    begun from an old planner takes over what the planner has learnt since.
-    """
-
-    before: str = Field(description="where that run began: a run's folder, or an adapter's file")
-    after: str = Field(description="where it ended")
-    share: float = Field(default=0.6, gt=0.0, le=2.0, description="of the difference")
-
-
 class TrainConfig(StrictModel):
     """Base, data and schedule of one run; the same config and data give the same adapter.
 
@@ -44,9 +32,6 @@ class TrainConfig(StrictModel):
         description="an earlier run to begin from: its folder, or an adapter's file; of a higher "
         "rank, it is cut down to this one's",
     )
-    lesson: Lesson | None = Field(
-        default=None, description="what is added to the weights of `start` before the first step"
-    )
     rank: int = Field(default=16, ge=1, le=256)
     stored: Literal["f16", "q8_0"] = Field(
         default="f16", description="of the exported file; q8_0 needs a rank that 32 divides"
@@ -58,29 +43,17 @@ class TrainConfig(StrictModel):
     weight_decay: float = Field(default=0.0, ge=0.0)
     clip: float = Field(default=1.0, gt=0.0, description="largest norm of the whole gradient")
     samples_per_step: int = Field(default=32, ge=1, description="samples of one update")
-    samples_at_once: int = Field(
-        default=4, ge=1, description="samples of one batch: as many as the memory holds"
-    )
     readings: float = Field(
         default=0.0,
         ge=0.0,
         le=1.0,
         description="share of the planner's groups of which only the reading is learnt",
     )
-    shares: dict[str, float] = Field(
-        default_factory=dict[str, float],
-        description="of the samples of each kind that are learnt: {compound: 0.5, "
-        "compound/spoken: 1, others: 0.1}",
-    )
-    missions: str | None = Field(
-        default=None,
-        description="planner samples, JSON lines, whose missions a judge learns to read as well",
-    )
     pack_tokens: int = Field(
-        default=0,
-        ge=0,
+        default=1536,
+        ge=1,
         description="samples of one situation are learnt in packs of so many tokens, behind the "
-        "beginning that they share; 0: each sample by itself",
+        "beginning that they share: as many as the memory holds",
     )
     epochs: float = Field(default=1.0, gt=0.0, description="passes over the data")
     steps: int | None = Field(default=None, ge=1, description="instead of epochs")
@@ -108,15 +81,9 @@ class TrainConfig(StrictModel):
             "base": self.base,
             "data": self.data,
             "validation": self.validation,
-            "missions": self.missions,
             "start": self.start,
         }
-        names: dict[str, object] = {
-            field: Path(name).name for field, name in files.items() if name is not None
-        }
-        if self.lesson is not None:
-            ends = {"before": Path(self.lesson.before).name, "after": Path(self.lesson.after).name}
-            names["lesson"] = self.lesson.model_copy(update=ends)
+        names = {field: Path(name).name for field, name in files.items() if name is not None}
         return self.model_copy(update=names)
 
 

@@ -16,8 +16,8 @@ from pa_console.llm.local.decoding import ChatPrompt
 from pa_console.llm.local.runtime import Runtime
 from pa_console.llm.local.threads import FreeCores
 from pa_training.adapters.config import TrainConfig
+from pa_training.samples.readings import readings
 from pa_training.samples.sample import Sample, read_samples
-from pa_training.samples.selection import drawn, judge_readings, readings
 
 NOT_LEARNT = -100
 """Stands in `Row.targets` for a token that the grammar writes, as torch's losses have it."""
@@ -27,12 +27,11 @@ class Row(TypedDict):
     """One sample as tokens.
 
     `tokens` are the prompt, then the answer without its last token; `targets` are the answer, what
-    the last of `tokens` are to predict, each with `weight` in the loss.
+    the last of `tokens` are to predict.
     """
 
     tokens: list[int]
     targets: list[int]
-    weight: float
     length: int
     shared: int
     """The number of first tokens that all samples of its situation have."""
@@ -57,7 +56,6 @@ class Tokeniser:
         return Row(
             tokens=tokens,
             targets=self._without_given(sample, answer),
-            weight=sample.weight,
             length=len(tokens),
             shared=self._shared(sample, prompt),
             group=f"{sample.system}\n{sample.picture}",
@@ -106,17 +104,14 @@ def packs_of(rows: Sequence[Row], most: int) -> list[list[Row]]:
 
 
 def rows_to_learn(config: TrainConfig, tokeniser: Tokeniser) -> list[Row]:
-    """Return the samples of `config`, of a judge also the missions that it learns to read.
+    """Return the samples of `config`.
 
     Raises OSError, and ValueError for a file that holds no sample of the task.
     """
-    samples = drawn(read_samples(Path(config.data), config.task), config.shares, config.seed)
+    samples = read_samples(Path(config.data), config.task)
     rows = [tokeniser.row(sample) for sample in readings(samples, config.readings, config.seed)]
     if not rows:
         raise ValueError(f"{config.data}: holds no sample for the {config.task}")
-    if config.missions is not None and config.task == "judge":
-        missions = read_samples(Path(config.missions), "planner")
-        rows += map(tokeniser.row, judge_readings(missions))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""The weights that a run begins with: those of an earlier run, and what another one has learnt."""
+"""The weights that a run begins with: fresh ones, or those of an earlier run."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,44 +20,15 @@ from pa_training.results.lineage import ADAPTER
 def first_matrices(
     config: TrainConfig, fresh: Matrices, paired_heads: Mapping[str, int], base_sha256: str
 ) -> Matrices:
-    """Return what the run of `config` begins with: `fresh` weights, or those at its `start`.
+    """Return `fresh` weights, or those at the `start` of `config`, at its rank.
 
-    A share of the difference that is its `lesson` is added to the latter. Raises ValueError for
-    what cannot be begun from, or OSError.
+    The start is a run's folder or an adapter's file; it has to be of the base that is trained, to
+    which `fresh` weights and `base_sha256` belong. Raises ValueError for a start that is not, or
+    OSError.
     """
     if config.start is None:
-        if config.lesson is not None:
-            raise ValueError("lesson: is added to the weights of an earlier run: set start")
         return fresh
-
-    def read(place: str) -> Matrices:
-        return start_matrices(Path(place), config, fresh, paired_heads, base_sha256)
-
-    own = read(config.start)
-    if config.lesson is None:
-        return own
-    before, after = read(config.lesson.before), read(config.lesson.after)
-    share = config.lesson.share
-
-    def learnt(layer: str, number: int) -> Array:
-        difference = after[layer][number] - before[layer][number]
-        return np.asarray(own[layer][number] + share * difference, np.float32)
-
-    return {layer: (learnt(layer, 0), learnt(layer, 1)) for layer in own}
-
-
-def start_matrices(
-    start: Path,
-    config: TrainConfig,
-    fresh: Matrices,
-    paired_heads: Mapping[str, int],
-    base_sha256: str,
-) -> Matrices:
-    """Return the weights at `start`, a run's folder or an adapter's file, at the config's rank.
-
-    They have to be of the base that is trained, to which `fresh` weights and `base_sha256` belong.
-    Raises ValueError for what cannot be begun from, or OSError.
-    """
+    start = Path(config.start)
     path = start / ADAPTER if start.is_dir() else start
     if not path.exists():
         raise ValueError(f"start: {path}: is not here: name a run's folder or an adapter's file")
@@ -66,11 +37,6 @@ def start_matrices(
     matrices = file.matrices(paired_heads)
     _check_layers(path, matrices, fresh)
     rank = len(next(iter(matrices.values()))[0])
-    if rank > config.rank and config.lesson is not None:
-        raise ValueError(
-            f"{start}: is of rank {rank}, the run of {config.rank}: a lesson is not added to "
-            f"matrices that are cut down: set rank={rank}"
-        )
     scale = (file.alpha / rank) / (config.alpha / config.rank)
     return {
         layer: _of_rank(a, b * np.float32(scale), fresh[layer])

@@ -105,11 +105,7 @@ def train(
     path, chat = find_base(config)
     tokeniser = Tokeniser(path, chat)
     rows, held_out = rows_to_learn(config, tokeniser), rows_held_out(config, tokeniser)
-    inputs = {
-        name: hash_file(Path(file))
-        for name, file in (("base", path), ("data", config.data), ("missions", config.missions))
-        if file is not None
-    }
+    inputs = {name: hash_file(Path(file)) for name, file in (("base", path), ("data", config.data))}
     set_seed(config.seed)
     base = load_base(path, config)
     model = adapted(base, config)
@@ -131,7 +127,7 @@ def train(
         DATA_SHA256: inputs["data"],
         STEPS: str(watch.progress.step),
         SAMPLES: str(watch.samples),
-        EARLIER: to_json([*kept_earlier(out, config), run_row(out, config)]),
+        EARLIER: to_json([*kept_earlier(out), run_row(out, config)]),
     }
     sha256 = write_adapter(
         out / ADAPTER, architecture(path), matrices(model), heads, config, origin
@@ -276,7 +272,7 @@ class _Watch(TrainerCallback):
 
 
 class _AnswerTrainer(Trainer):
-    """Learns answers only, on batches of prompts that end where their answers end."""
+    """Learns answers only, on packs of samples that share the beginning of their prompts."""
 
     def __init__(  # noqa: PLR0917
         self,
@@ -287,16 +283,13 @@ class _AnswerTrainer(Trainer):
         held_out: Sequence[Row],
         out: Path,
     ) -> None:
-        at_once = min(config.samples_at_once, config.samples_per_step, len(rows))
-        batches = math.ceil(min(config.samples_per_step, len(rows)) / at_once)
-        packs = packs_of(rows, config.pack_tokens) if config.pack_tokens else []
-        if packs:
-            at_once, batches = 1, math.ceil(batches * at_once * len(packs) / len(rows))
+        packs = packs_of(rows, config.pack_tokens)
+        per_step = min(config.samples_per_step, len(rows))
         arguments = TrainingArguments(
             output_dir=str(out),
-            per_device_train_batch_size=at_once,
-            per_device_eval_batch_size=at_once,
-            gradient_accumulation_steps=batches,
+            per_device_train_batch_size=1,
+            per_device_eval_batch_size=1,
+            gradient_accumulation_steps=math.ceil(per_step * len(packs) / len(rows)),
             max_steps=watch.steps,
             learning_rate=config.learning_rate,
             weight_decay=config.weight_decay,
@@ -305,8 +298,7 @@ class _AnswerTrainer(Trainer):
             bf16=in_bfloat16(config),
             use_cpu=config.device == "cpu",
             seed=config.seed,
-            train_sampling_strategy="random" if packs else "group_by_length",
-            length_column_name="length",
+            train_sampling_strategy="random",
             logging_steps=1,
             eval_strategy="steps" if held_out else "no",
             eval_steps=config.validate_every,
@@ -314,7 +306,7 @@ class _AnswerTrainer(Trainer):
             save_total_limit=1,
             label_names=["labels"],
             remove_unused_columns=False,
-            include_num_input_tokens_seen="all" if packs else "non_padding",
+            include_num_input_tokens_seen="all",
             dataloader_pin_memory=torch.cuda.is_available(),
             report_to="none",
             disable_tqdm=True,
@@ -323,9 +315,9 @@ class _AnswerTrainer(Trainer):
         super().__init__(
             model=model,
             args=arguments,
-            data_collator=packed if packs else collated,
-            train_dataset=_packs_dataset(packs) if packs else _dataset(rows),
-            eval_dataset=_held_out(held_out, packed=bool(packs)),
+            data_collator=packed,
+            train_dataset=_dataset(packs),
+            eval_dataset=_dataset([[row] for row in held_out]) if held_out else None,
             compute_metrics=_right,
             preprocess_logits_for_metrics=_most_likely,
             callbacks=[watch],
@@ -352,30 +344,20 @@ class _AnswerTrainer(Trainer):
         return_outputs: bool = False,
         num_items_in_batch: Tensor | int | None = None,
     ) -> Any:
-        """Return the mean loss over the tokens of all answers, each with its sample's weight."""
-        labels, weights = inputs.pop("labels"), inputs.pop("weights")
+        """Return the mean loss over the tokens of all answers."""
+        labels = inputs.pop("labels")
         outputs = model(**inputs)
         logits = outputs.logits.float()
-        losses = functional.cross_entropy(
-            logits.flatten(0, 1), labels.flatten(), ignore_index=NOT_LEARNT, reduction="none"
-        ).view_as(labels)
+        summed = functional.cross_entropy(
+            logits.flatten(0, 1), labels.flatten(), ignore_index=NOT_LEARNT, reduction="sum"
+        )
         number = num_items_in_batch if num_items_in_batch is not None else (labels >= 0).sum()
-        loss = (losses * (weights if weights.dim() > 1 else weights[:, None])).sum() / number
+        loss = summed / number
         return (loss, outputs) if return_outputs else loss
 
 
-def _dataset(rows: Sequence[Row]) -> Dataset:
-    return Dataset.from_list([dict(row) for row in rows])
-
-
-def _packs_dataset(packs: Sequence[Sequence[Row]]) -> Dataset:
+def _dataset(packs: Sequence[Sequence[Row]]) -> Dataset:
     return Dataset.from_list([{"rows": [dict(row) for row in pack]} for pack in packs])
-
-
-def _held_out(rows: Sequence[Row], *, packed: bool) -> Dataset | None:
-    if not rows:
-        return None
-    return _packs_dataset([[row] for row in rows]) if packed else _dataset(rows)
 
 
 def packed(packs: Sequence[Mapping[str, Sequence[Row]]]) -> dict[str, Any]:
@@ -388,14 +370,12 @@ def packed(packs: Sequence[Mapping[str, Sequence[Row]]]) -> dict[str, Any]:
     shared = min(row["shared"] for row in rows)
     tokens, positions = list(rows[0]["tokens"][:shared]), list(range(shared))
     owners, labels = [0] * shared, [NOT_LEARNT] * shared
-    weights = [0.0] * shared
     for number, row in enumerate(rows, 1):
         own = row["tokens"][shared:]
         tokens += own
         positions += range(shared, shared + len(own))
         owners += [number] * len(own)
         labels += [NOT_LEARNT] * (len(own) - len(row["targets"])) + list(row["targets"])
-        weights += [row["weight"]] * len(own)
     owner = torch.tensor(owners)
     seen = (owner[None, :] == 0) | (owner[None, :] == owner[:, None])
     kept = [at for at, label in enumerate(labels) if label != NOT_LEARNT]
@@ -404,32 +384,7 @@ def packed(packs: Sequence[Mapping[str, Sequence[Row]]]) -> dict[str, Any]:
         "attention_mask": torch.tril(seen)[None, None],
         "position_ids": torch.tensor([positions]),
         "labels": torch.tensor([[labels[at] for at in kept]]),
-        "weights": torch.tensor([[weights[at] for at in kept]]),
         "logits_to_keep": torch.tensor(kept),
-    }
-
-
-def collated(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return `rows` as one batch, padded on the left: all answers end with the batch.
-
-    So the output layer is computed for as many positions as the longest answer has, and no more.
-    """
-    longest = max(len(row["tokens"]) for row in rows)
-    answer = max(len(row["targets"]) for row in rows)
-    tokens = torch.zeros(len(rows), longest, dtype=torch.long)
-    mask = torch.zeros_like(tokens)
-    labels = torch.full((len(rows), answer), NOT_LEARNT)
-    for number, row in enumerate(rows):
-        tokens[number, longest - len(row["tokens"]) :] = torch.tensor(row["tokens"])
-        mask[number, longest - len(row["tokens"]) :] = 1
-        labels[number, answer - len(row["targets"]) :] = torch.tensor(row["targets"])
-    return {
-        "input_ids": tokens,
-        "attention_mask": mask,
-        "position_ids": (mask.cumsum(1) - 1).clamp(min=0),
-        "labels": labels,
-        "weights": torch.tensor([row["weight"] for row in rows]),
-        "logits_to_keep": answer,
     }
 
 

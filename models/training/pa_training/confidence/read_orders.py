@@ -1,16 +1,13 @@
 """Lets the models read orders of which it is known what they ask for; nothing is carried out.
 
-`python -m pa_training.confidence.read_orders --out FILE` puts generated orders through the steps of
-a mission up to the judge's verdict: as people say them, in words of the templates, and in worlds
-and words that no training has. With `--written` it is every fourth order of the writers who are
-kept aside. For each the file gets a line: the readings of all readers with their evidence, and
-which of them are right.
+`python -m pa_training.confidence.read_orders --out FILE` puts every fourth order of the writers who
+are kept aside through the steps of a mission up to the judge's verdict. For each the file gets a
+line: the readings of all readers with their evidence, and which of them are right.
 """
 
 import argparse
 import asyncio
-import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -31,49 +28,25 @@ from pa_console.policy.monitor import Monitor
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import find_data
 from pa_console.schema.base import StrictModel
-from pa_console.schema.mission import ApprovalState, Mission
+from pa_console.schema.mission import ApprovalState
 from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Evidence
-from pa_training import LANGUAGE
-from pa_training.order_generator.orders import canonical_meaning, canonical_order
-from pa_training.order_generator.sampler import sample_order
-from pa_training.phrasing.no_orders import NOTHING_ASKED
-from pa_training.phrasing.phrasing import phrase
-from pa_training.phrasing.rewording import spoken_words
-from pa_training.proof.playing import words_findings
-from pa_training.samples.near_duplicates import NearDuplicates
-from pa_training.samples.planner_samples import Recipe
-from pa_training.samples.reading_samples import NO_TIME
-from pa_training.samples.written_orders import (
-    WrittenOrder,
+from pa_training.orders.meaning import (
+    NOTHING_ASKED,
     asked_as_seen,
-    drawn_situation,
+    corrected,
     meaning_now,
-    ordered,
-    read_writers,
+    order_of,
 )
-from pa_training.situations.situations import Situation, random_situation
-from pa_training.situations.worlds import (
-    Split,
-    generated_numbers,
-    random_world,
-    shipped_missions,
-)
+from pa_training.orders.near_duplicates import shipped_duplicates
+from pa_training.proof.playing import mission_from
+from pa_training.samples.groups import Recipe, recipes, situation_of
+from pa_training.situations.situations import Situation
+from pa_training.situations.worlds import generated_numbers, shipped_missions
 from pa_training.teacher.teacher import Target, teach
 
-SEEDS = (434, 436)
-"""Seeds of which neither the default model nor its second reader has learnt the words."""
-MISSIONS = 8
-"""So many missions have the groups that the words were written for."""
-TRIES = 3
-OF_EACH = 6
-"""The most orders that are read in one situation."""
-IN_TEMPLATES = 0.25
-"""The share of the orders of such a seed that are read in words of the templates too."""
-HELD_OUT = 438
-"""The seed of the orders in worlds and words that no training has."""
 EVERY = 4
-"""Of the written orders, every so many is read."""
+"""Of the orders, every so many is read."""
 
 
 class KnownReading(StrictModel):
@@ -124,7 +97,7 @@ class OrderReader:
     async def read(self, group: str, services: Services, order: KnownOrder) -> ReadOrder | None:
         """Return how one order is read; None where no model gave a plan, or it is blocked."""
         world, base = services.fleet.world, services.fleet.world.base
-        mission = Mission(id="M", text=order.text, created=NO_TIME)
+        mission = mission_from(order.text)
         monitor = Monitor(services.rulebook, world, services.sightings)
         context = MissionContext(services, mission, lambda _event: None, monitor)
         first = await plan(context, retrieve(context, mission))
@@ -192,99 +165,47 @@ def _state(shown: PlanForDecision) -> ApprovalState | None:
     return request_approval("", best.attempt, checked, read).state
 
 
-def generated_orders(
-    recipe: Recipe, rng: random.Random, situation: Situation
-) -> Iterator[KnownOrder]:
-    """Yield the orders of one group, as people say them where that is known, or in templates."""
-    world, picture, digest = situation.world, situation.picture, situation.digest
-    spoken, known = spoken_words(recipe), NearDuplicates(shipped_missions())
-    seen = set[str]()
-    for _ in range(TRIES * recipe.missions):
-        order, kind = sample_order(rng, world, picture, digest)
-        words = phrase(order, world, picture, rng, recipe.split)
-        meaning = canonical_meaning(order, world)
-        if meaning in seen or (spoken and meaning not in spoken and len(seen) >= recipe.missions):
+def known_orders_of(recipe: Recipe, situation: Situation) -> Iterator[KnownOrder]:
+    """Yield the orders of one writer's situation for which one plan will do.
+
+    Those too like a mission of a test set are left out.
+    """
+    world, digest = situation.world, situation.digest
+    orders = recipe.written.first_orders
+    fresh = shipped_duplicates().keep([order.text for order in orders], world)
+    for written, kept in zip(orders, fresh, strict=True):
+        meaning = meaning_now(corrected(written.meaning))
+        if not kept or not meaning:
             continue
-        seen.add(meaning)
-        try:
-            target = teach(order, world, picture, digest)
-        except ValueError:
-            continue
-        said = [] if order.injected else list(spoken.get(meaning, ()))
-        texts = {random.Random(meaning).choice(said): f"{kind}/spoken"} if said else {}
-        if not spoken or random.Random(meaning).random() < IN_TEMPLATES:
-            texts[words.text] = kind
-        for (text, how), kept in zip(texts.items(), known.keep(list(texts), world), strict=True):
-            if kept:
-                meant = f"{ASKED}{canonical_order(order, world, picture, digest)}"
-                yield KnownOrder(text, how, meant, target)
+        meant, target = meaning, None
+        with suppress(ValueError):
+            meant = asked_as_seen(meaning, world, digest)
+        with suppress(ValueError, LookupError):
+            order = order_of(meaning, world, digest)
+            target = teach(order, world, situation.picture, digest)
+        yield KnownOrder(written.text, recipe.writer, meant, target)
 
 
-async def read_generated(out: Path, reader: OrderReader, first: int, groups: int) -> None:
-    """Read the orders of `groups` groups of every seed, from `first` on, and add them to `out`."""
-    forbidden = generated_numbers(shipped_missions())
-    for number in range(first, first + groups):
-        for seed in (*SEEDS, HELD_OUT):
-            split: Split = "heldout" if seed == HELD_OUT else "train"
-            recipe = Recipe(number, seed, MISSIONS, split)
-            rng = random.Random(f"{seed}/{recipe.split}/{number}")
-            world = random_world(rng, recipe.split, forbidden)
-            situation = random_situation(rng, world, history=recipe.history)
-            orders = [
-                order
-                for order in generated_orders(recipe, rng, situation)
-                if not words_findings(world, situation.case("o", order.text, ()), reader.rulebook)
-            ]
-            await _read_all(out, reader, f"{seed}-{number}", situation, orders[:OF_EACH])
-
-
-async def read_written(out: Path, reader: OrderReader) -> None:
+async def read_kept_aside(out: Path, reader: OrderReader) -> None:
     """Read every fourth order of the writers who are kept aside, and add them to `out`."""
-    missions = shipped_missions()
-    forbidden, number = generated_numbers(missions), 0
-    for name, writer in read_writers(LANGUAGE / "development").items():
-        known = NearDuplicates(missions)
-        for place, each in enumerate(writer.situations, 1):
-            situation = drawn_situation(each, forbidden)
-            fresh = known.keep([order.text for order in each.first_orders], situation.world)
-            orders = [
-                one.model_copy(update={"meaning": meaning_now(one.meaning)})
-                for one, kept in zip(each.first_orders, fresh, strict=True)
-                if kept and meaning_now(one.meaning)
-            ]
-            chosen = orders[-number % EVERY :: EVERY]
-            number += len(orders)
-            read = [_written_order(name, order, situation) for order in chosen]
-            await _read_all(out, reader, f"{name}-{place}", situation, read)
-
-
-def _written_order(writer: str, order: WrittenOrder, situation: Situation) -> KnownOrder:
-    meant, target = order.meaning, None
-    with suppress(ValueError):
-        meant = asked_as_seen(meant, situation.world, situation.digest)
-    with suppress(ValueError, LookupError):
-        target = ordered(order.meaning, situation)
-    return KnownOrder(order.text, writer, meant, target)
-
-
-async def _read_all(
-    out: Path, reader: OrderReader, group: str, situation: Situation, orders: Sequence[KnownOrder]
-) -> None:
-    services = reader.services(situation)
-    for order in orders:
-        read = await reader.read(group, services, order)
-        if read is not None:
-            with out.open("a", encoding="utf-8") as file:
-                file.write(read.model_dump_json() + "\n")
+    forbidden, number = generated_numbers(shipped_missions()), 0
+    for recipe in recipes("development"):
+        situation = situation_of(recipe, forbidden)
+        orders = [*known_orders_of(recipe, situation)]
+        chosen = orders[-number % EVERY :: EVERY]
+        number += len(orders)
+        services = reader.services(situation)
+        for order in chosen:
+            read = await reader.read(f"{recipe.writer}-{recipe.place}", services, order)
+            if read is not None:
+                with out.open("a", encoding="utf-8") as file:
+                    file.write(read.model_dump_json() + "\n")
 
 
 def main() -> None:
     """Add what was read to a file."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="file of JSON lines; added to")
-    parser.add_argument("--first", type=int, default=0, help="the first situation")
-    parser.add_argument("--groups", type=int, default=45, help="situations of each seed")
-    parser.add_argument("--written", action="store_true", help="orders of the writers kept aside")
     parser.add_argument("--answers", type=Path, help="file that keeps the models' answers")
     given = parser.parse_args()
     rulebook = load_rules(find_data("rules", "checkpoint", "rules.yaml"))
@@ -293,11 +214,7 @@ def main() -> None:
         engine = Engine(find_model(None, second_reader=""))
         answers = MemoEngine(engine, given.answers, exact=True)
         try:
-            reader = OrderReader(answers.engine(), rulebook)
-            if given.written:
-                await read_written(given.out, reader)
-            else:
-                await read_generated(given.out, reader, given.first, given.groups)
+            await read_kept_aside(given.out, OrderReader(answers.engine(), rulebook))
         finally:
             await engine.close()
 

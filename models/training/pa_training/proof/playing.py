@@ -22,9 +22,14 @@ Look = Callable[[Dispatch], bool]
 """Looks at every new picture while a plan is carried out; False gives the plan up."""
 
 
+def mission_from(text: str) -> Mission:
+    """Return the mission that an operator gives by the words `text`."""
+    return Mission(id="M", text=text, created=datetime(2026, 1, 1, tzinfo=UTC))
+
+
 def mission_of(case: MissionCase) -> Mission:
     """Return the mission that an operator gives by the words of `case`."""
-    return Mission(id="M", text=case.command, created=datetime(2026, 1, 1, tzinfo=UTC))
+    return mission_from(case.command)
 
 
 def words_findings(world: World, case: MissionCase, rulebook: Rulebook) -> tuple[Finding, ...]:

@@ -43,11 +43,6 @@ class Checked:
         return not self.words and not self.examination.blocked
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """The rules that the plan breaks without being blocked for it."""
-        return tuple(f.rule_id for f in self.examination.findings if f.broken and not f.blocking)
-
-    @property
     def reasons(self) -> tuple[Reason, ...]:
         """Everything for which nobody may approve the plan."""
         blocking = (f for f in self.examination.findings if f.blocking)

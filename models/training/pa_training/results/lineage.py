@@ -1,4 +1,4 @@
-"""What a training run came to, and the runs that it began from, one after another."""
+"""The end of a training run, and the runs that it began from, one after another."""
 
 import csv
 import json
@@ -9,11 +9,12 @@ from typing import NamedTuple, TypeVar
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from pa_console.schema.base import StrictModel
-from pa_training.adapters.adapter_file import CONFIG as CONFIG_KEY
 from pa_training.adapters.adapter_file import EARLIER as EARLIER_KEY
-from pa_training.adapters.adapter_file import SAMPLES, AdapterFile
+from pa_training.adapters.adapter_file import AdapterFile
 from pa_training.adapters.config import TrainConfig
 
+SUMMARY, ADAPTER = "run.json", "adapter.gguf"
+CONFIG, CURVE, EARLIER = "config.json", "curve.csv", "earlier.json"
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -29,9 +30,6 @@ def read_json(path: Path, model: type[Model], remedy: str) -> Model:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise ValueError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
-
-
-SUMMARY, ADAPTER = "run.json", "adapter.gguf"
 
 
 class RunSummary(StrictModel):
@@ -61,11 +59,8 @@ def read_summary(run: Path) -> RunSummary:
     return read_json(run / SUMMARY, RunSummary, "run python -m pa_training planner or judge")
 
 
-CONFIG, CURVE, EARLIER = "config.json", "curve.csv", "earlier.json"
-
-
 class EarlierRun(NamedTuple):
-    """One earlier run: its last row of the curve, as text; empty where there is none."""
+    """One run: its last row of the curve, as text; empty where there is none."""
 
     name: str
     seed: int
@@ -77,68 +72,53 @@ class EarlierRun(NamedTuple):
     validation_right: str
 
 
-_RUNS = TypeAdapter(list[EarlierRun])
-
-
 def earlier_runs(config: TrainConfig) -> list[EarlierRun]:
     """Return the runs that `config` goes on from, the first of all first.
 
-    A run's folder and an adapter's file know those before them. The list begins after what is gone
-    or not readable: what is not there cannot be told.
+    The adapter at its start tells of them: an adapter that does not, or is not readable, has none.
     """
-    found: list[EarlierRun] = []
-    seen: set[Path] = set()
-    start = config.start
-    while start is not None and Path(start) not in seen:
-        place = Path(start)
-        seen.add(place)
-        if place.is_file():
-            return _runs_of_file(place) + found[::-1]
-        try:
-            made = TrainConfig.model_validate_json((place / CONFIG).read_bytes())
-        except (OSError, ValidationError):
-            break
-        found.append(run_row(place, made))
-        kept = _kept(place)
-        if kept is not None:
-            return kept + found[::-1]
-        start = made.start
-    return found[::-1]
+    if config.start is None:
+        return []
+    start = Path(config.start)
+    try:
+        file = AdapterFile.open(start / ADAPTER if start.is_dir() else start)
+        return _RUNS.validate_json(file.text(EARLIER_KEY))
+    except (OSError, ValueError):
+        return []
 
 
 def keep_earlier(folder: Path, config: TrainConfig) -> None:
-    """Write `earlier_runs` into the run's `folder`: what it begins from may change; OSError."""
+    """Write `earlier_runs` into the run's `folder`: its start may change; raises OSError."""
     (folder / EARLIER).write_text(to_json(earlier_runs(config)) + "\n", encoding="utf-8")
 
 
-def kept_earlier(folder: Path, config: TrainConfig) -> list[EarlierRun]:
-    """Return what the run's `folder` keeps, or else `earlier_runs`."""
-    kept = _kept(folder)
-    return earlier_runs(config) if kept is None else kept
+def kept_earlier(folder: Path) -> list[EarlierRun]:
+    """Return the earlier runs that the run's `folder` keeps, none where it keeps nothing."""
+    try:
+        return _RUNS.validate_json((folder / EARLIER).read_bytes())
+    except (OSError, ValidationError):
+        return []
 
 
 def run_row(folder: Path, config: TrainConfig) -> EarlierRun:
     """Return the row of the run in `folder` itself; of its place only the bare name."""
-    last = last_row(folder / CURVE)
+    rows = curve_rows(folder / CURVE)
+    last = rows[-1] if rows else {}
     return EarlierRun(
         folder.resolve().name,
         config.seed,
         config.rank,
         config.learning_rate,
-        last.get("samples", ""),
-        last.get("minutes", ""),
-        last.get("validation_loss", ""),
-        last.get("validation_right", ""),
+        *(last.get(name, "") for name in EarlierRun._fields[4:]),
     )
 
 
-def last_row(curve: Path) -> dict[str, str]:
-    """Return the last row of a validation curve, nothing where there is no curve."""
+def curve_rows(curve: Path) -> list[dict[str, str]]:
+    """Return the rows of a validation curve, none where there is no curve."""
     if not curve.exists():
-        return {}
+        return []
     with curve.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    return rows[-1] if rows else {}
+        return list(csv.DictReader(stream))
 
 
 def to_json(runs: Sequence[EarlierRun]) -> str:
@@ -146,29 +126,4 @@ def to_json(runs: Sequence[EarlierRun]) -> str:
     return json.dumps([run._asdict() for run in runs])
 
 
-def _kept(folder: Path) -> list[EarlierRun] | None:
-    try:
-        return _RUNS.validate_json((folder / EARLIER).read_bytes())
-    except (OSError, ValidationError):
-        return None
-
-
-def _runs_of_file(path: Path) -> list[EarlierRun]:
-    """Return the runs that an adapter's file tells of, its own the last; none where it does not."""
-    try:
-        file = AdapterFile.open(path)
-        if EARLIER_KEY in file.metadata:
-            return _RUNS.validate_json(file.text(EARLIER_KEY))
-        made = _Made.model_validate_json(file.text(CONFIG_KEY))
-    except (OSError, ValueError):
-        return []
-    samples = file.text(SAMPLES)
-    return [EarlierRun(path.name, made.seed, made.rank, made.learning_rate, samples, "", "", "")]
-
-
-class _Made(BaseModel):
-    """What a table has of a run's config, whichever version of the trainer it is from."""
-
-    seed: int
-    rank: int
-    learning_rate: float
+_RUNS = TypeAdapter(list[EarlierRun])

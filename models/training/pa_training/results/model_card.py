@@ -1,6 +1,5 @@
 """Writes the model card of an adapter from what its data, its run and its evaluations left."""
 
-import csv
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -18,18 +17,18 @@ from pa_training.results.lineage import (
     ADAPTER,
     CURVE,
     RunSummary,
+    curve_rows,
     kept_earlier,
     read_summary,
 )
 from pa_training.samples.data_report import DataReport, read_report
-from pa_training.samples.data_set import VALID_EVERY
 
 TEMPLATE = "model_card.md.jinja"
-MOST_POINTS, MOST_NEAR, MOST_REASONS = 20, 10, 20
+MOST_POINTS, MOST_REASONS = 20, 20
 RECIPE = {
     "planner": (
-        "A reference planner that knows what was meant, not how it was worded, plans for every "
-        "mission; only plans that passed the checks, the rehearsal and a strictly scored run in "
+        "A reference planner that knows what was meant, not how it was worded, plans for some of "
+        "the orders; only plans that passed the checks, the rehearsal and a strictly scored run in "
         "the simulation are taken, and a hold where an order is forbidden or impossible."
     ),
     "judge": (
@@ -72,12 +71,10 @@ def model_card(run: Path, data: Path, name: str, evaluation: Path | None = None)
         facts=_facts(summary, base, adapter),
         data_facts=_data_facts(report, task),
         kinds=_kinds(report, task),
-        near=report.near_duplicates,
-        nearest=list(report.near_duplicates.nearest.items())[:MOST_NEAR],
         dropped=list(report.dropped.items())[:MOST_REASONS],
         config=_config(summary),
         curve=_curve(run / CURVE),
-        earlier=kept_earlier(run, summary.config),
+        earlier=kept_earlier(run),
         evaluation=_evaluated(records),
     )
 
@@ -105,12 +102,8 @@ def _data_facts(report: DataReport, task: str) -> list[tuple[str, str]]:
     names = [f"{task}.jsonl", f"valid-{task}.jsonl"]
     return [
         ("groups (situations in worlds)", str(report.groups)),
-        ("seeds and groups", "; ".join(f"seed {s}: {g}" for s, g in report.seeds.items())),
         ("samples to train on", _pairs(report.samples["train"])),
-        (
-            f"samples to validate with (every {VALID_EVERY}th group)",
-            _pairs(report.samples["valid"]),
-        ),
+        ("samples to validate with (writers kept aside)", _pairs(report.samples["valid"])),
         ("generator (fingerprint: groups)", _pairs(report.generators)),
         ("made with", _pairs(report.versions)),
         *((f"{name}, SHA-256", report.sha256[name]) for name in names if name in report.sha256),
@@ -136,10 +129,7 @@ def _config(summary: RunSummary) -> list[tuple[str, str]]:
 
 def _curve(path: Path) -> list[dict[str, str]]:
     """Return some rows of the validation curve, first and last among them."""
-    if not path.exists():
-        return []
-    with path.open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
+    rows = curve_rows(path)
     last = len(rows) - 1
     if last < MOST_POINTS:
         return rows

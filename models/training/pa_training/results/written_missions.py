@@ -1,54 +1,121 @@
 """Writes the orders of writers as a mission set, each with what must be true of its run.
 
-    python -m pa_training.results.written_missions FOLDER --out FILE
-
-The set can be run with `pa-console eval --missions FILE --variant one-plan`. Success is worked out
-from the meaning alone, by the teacher (`teacher/success.py`). Left out are meanings that come later
-(times), and dialogues from the first turn on whose meaning cannot be scored.
+Success is worked out from the meaning alone, by the teacher (`teacher/success.py`). Left out are
+meanings that come later (times), and dialogues from the first turn on whose meaning cannot be
+scored.
 """
 
-import argparse
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from pa_console.language.canonical.clauses import ASKED, OTHERS_STAY
+import yaml
+
+from pa_console.language.canonical.clauses import ASKED, NOTHING, OTHERS_STAY
 from pa_console.language.canonical.order import Ask, Task
 from pa_console.language.canonical.reading import read_asked
-from pa_console.schema.evaluation import Expectation, MissionCase
+from pa_console.schema.evaluation import (
+    Expectation,
+    MissionCase,
+    MissionSet,
+    NamedWorld,
+    WorldFile,
+)
 from pa_console.schema.world import World
-from pa_training.order_generator.orders import Order
-from pa_training.results.mission_export import Found, write_mission_set
-from pa_training.samples.written_orders import (
+from pa_console.sim.worlds.world_generator import world_yaml
+from pa_training.orders.meaning import meaning_now, order_of, orders_nothing
+from pa_training.orders.written import (
+    Source,
     WrittenDialogue,
     WrittenOrder,
     WrittenSituation,
     drawn_situation,
-    meaning_now,
-    ordered,
-    orders_nothing,
     read_writers,
 )
 from pa_training.situations.situations import Situation
 from pa_training.situations.worlds import generated_numbers, shipped_missions
-from pa_training.teacher.success import NOTHING, conditions
-from pa_training.teacher.teacher import WATCH_S
+from pa_training.teacher.success import STAYS, conditions
+from pa_training.teacher.teacher import WATCH_S, teach
 
 MOVED_NOBODY = ("size(run.moved) == 0",)
+_STAY = re.compile(r" for \d+ (min|h|s)$")
+_PLAIN: frozenset[Task] = frozenset(
+    ("go", "look", "home", "hold", "report", "swap", "mass", "identify", "warn", "block")
+)
+"""The tasks whose outcome is known whatever was ordered before."""
 
 
-def written_missions(folder: Path) -> Iterator[Found]:
-    """Yield what the writers of `folder` ordered, situation by situation.
+class WorldCases(NamedTuple):
+    """The missions in one world."""
+
+    world: World
+    cases: Sequence[MissionCase]
+
+
+def write_written_missions(file: Path, source: Source) -> MissionSet:
+    """Write what the writers of `source` ordered to `file`.
+
+    Raises DocumentError for a broken file, ValueError for a `file` that is there already.
+    """
+    if file.exists():
+        raise ValueError(f"{file}: is there already; name another file, or remove it")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    name = "".join(letter if letter.isalnum() else "_" for letter in file.stem)
+    return write_mission_set(file, name, "orders of writers", [*written_missions(source)])
+
+
+def write_mission_set(
+    file: Path, name: str, source: str, parts: Sequence[WorldCases]
+) -> MissionSet:
+    """Write missions to `file`, their worlds into the folder `<stem>-worlds` beside it.
+
+    Equal worlds share a file. Raises OSError.
+    """
+    folder = file.with_name(f"{file.stem}-worlds")
+    folder.mkdir(parents=True, exist_ok=True)
+    worlds: dict[str, str] = {}
+    cases: list[MissionCase] = []
+    for part in parts:
+        text = world_yaml(part.world)
+        world = worlds.setdefault(text, f"w{len(worlds):03d}")
+        for case in part.cases:
+            cases.append(case.model_copy(update={"id": f"G{len(cases):03d}", "world": world}))
+    for text, world in worlds.items():
+        (folder / f"{world}.yaml").write_text(text, encoding="utf-8")
+    files: dict[str, NamedWorld] = {
+        world: WorldFile(file=f"{folder.name}/{world}.yaml") for world in worlds.values()
+    }
+    missions = MissionSet(name=name, source=source, worlds=files, missions=tuple(cases))
+    file.write_text(_mission_set_yaml(missions), encoding="utf-8")
+    return missions
+
+
+def _mission_set_yaml(missions: MissionSet) -> str:
+    """Return `missions` as the text of a file that reads back equal."""
+    document = missions.model_dump(mode="json", exclude_defaults=True)
+    for written, case in zip(document["missions"], missions.missions, strict=True):
+        if case.setup:
+            written["setup"] = [
+                {"kind": incident.kind} | incident.model_dump(mode="json", exclude_defaults=True)
+                for incident in case.setup
+            ]
+    return yaml.safe_dump(document, sort_keys=False, width=100, allow_unicode=True)
+
+
+def written_missions(source: Source) -> Iterator[WorldCases]:
+    """Yield what the writers of `source` ordered, situation by situation.
 
     Raises DocumentError for a broken file.
     """
     forbidden = generated_numbers(shipped_missions())
-    for name, writer in read_writers(folder).items():
+    for name, writer in read_writers(source).items():
         for number, written in enumerate(writer.situations, 1):
             if written.history:
                 continue  # a mission set knows set-ups only
             situation = drawn_situation(written, forbidden)
-            yield Found(situation.world, [*_cases(f"{name}/{number}", written, situation)])
+            cases = [*_cases(f"{name}/{number}", written, situation)]
+            yield WorldCases(situation.world, cases)
 
 
 def _cases(category: str, written: WrittenSituation, situation: Situation) -> Iterator[MissionCase]:
@@ -77,7 +144,8 @@ def _case(category: str, turns: Sequence[WrittenOrder], situation: Situation) ->
         success, watch_s = MOVED_NOBODY, WATCH_S
     elif not before and meaning:
         try:
-            target = ordered(meaning, situation)
+            order = order_of(meaning, situation.world, situation.digest)
+            target = teach(order, situation.world, situation.picture, situation.digest)
         except (ValueError, LookupError):
             return None
         success, watch_s = target.success, target.watch_s
@@ -116,8 +184,8 @@ def _outcome(meanings: Sequence[str], world: World) -> tuple[str, ...] | None:
     back = [name for ask in taken_back for name in ask.who.names if name not in names]
     wanted = [
         text
-        for text in conditions(latest, Order(tuple(latest)), world)
-        if not text.startswith("run.moved.all") and text not in NOTHING
+        for text in conditions(latest, world)
+        if not text.startswith("run.moved.all") and text not in STAYS
     ]
     wanted += [f"run.final.assets['{n}'].at == run.start.assets['{n}'].post" for n in back]
     if not any(ask.task != "hold" for ask in latest) and not back:
@@ -128,33 +196,11 @@ def _outcome(meanings: Sequence[str], world: World) -> tuple[str, ...] | None:
 def _asks(words: str) -> Iterator[Ask]:
     for step in words.split("; then "):
         clauses = "; ".join(
-            _STAY.sub("", part) for part in step.split("; ") if part not in ("nothing", OTHERS_STAY)
+            _STAY.sub("", part) for part in step.split("; ") if part not in (NOTHING, OTHERS_STAY)
         )
         read = read_asked(f"{ASKED}{clauses}") if clauses else None
         yield from () if read is None else read.asks
 
 
-_STAY = re.compile(r" for \d+ (min|h|s)$")
-_PLAIN: frozenset[Task] = frozenset(
-    ("go", "look", "home", "hold", "report", "swap", "mass", "identify", "warn", "block")
-)
-
-
 def _is_plain(ask: Ask) -> bool:
     return ask.task in _PLAIN and ask.wrong is None
-
-
-def main() -> None:
-    """Write the mission set."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path, help="the writers' files")
-    parser.add_argument("--out", type=Path, required=True)
-    given = parser.parse_args()
-    made = write_mission_set(
-        given.out, given.folder.name, "orders of writers", [*written_missions(given.folder)]
-    )
-    print(f"{len(made.missions)} missions in {given.out}")
-
-
-if __name__ == "__main__":
-    main()

@@ -4,16 +4,14 @@ They are only proposed here; whether a plan is right is found out by carrying it
 """
 
 import random
-import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import KINDS, World
-from pa_training.order_generator.orders import Order, due_asks
-from pa_training.samples.corrupted_orders import misread
-from pa_training.samples.planner_samples import Proven
+from pa_training.samples.groups import Proven
 from pa_training.situations.situations import Situation
 from pa_training.teacher.roster import Roster
 from pa_training.teacher.teacher import teach
@@ -21,6 +19,13 @@ from pa_training.teacher.teacher import teach
 Edit = tuple[str, tuple[Action, ...]]
 """In a word what was changed, and the actions then."""
 _STILL: frozenset[Verb] = frozenset(("hold", "report"))
+REASON = "another plan"
+EASY = frozenset(("edit place", "edit acts", "edit idle", "other mission"))
+"""Ways to be wrong that fit nearly every mission."""
+SUBTLE = 3.0
+"""The larger, the earlier the other ways come."""
+Hope = Literal["right", "wrong", "unsafe"]
+"""What a proposed plan is expected to be."""
 
 
 def harmless_edits(
@@ -145,17 +150,6 @@ def _put(actions: Sequence[Action], number: int, agent: str, command: str) -> tu
     return (*actions[:number], Action(agent=agent, command=command), *actions[number + 1 :])
 
 
-REASON = "another plan"
-EASY = frozenset((
-    "misread extra", "misread place", "edit place", "edit acts", "edit idle", "other mission",
-))  # fmt: skip
-"""Ways to be wrong that fit nearly every mission."""
-SUBTLE = 3.0
-"""The larger, the earlier the other ways come."""
-Hope = Literal["right", "wrong", "unsafe"]
-"""What a proposed plan is expected to be."""
-
-
 class Variant(NamedTuple):
     """A plan and how it came about, e.g. `misread place`."""
 
@@ -164,16 +158,10 @@ class Variant(NamedTuple):
     how: str
 
 
-def named_in(order: Order) -> frozenset[str]:
-    """Return every asset that the order names."""
-    asks = (*order.asks, *order.otherwise)
-    return frozenset(name for ask in asks for name in (*ask.who.names, ask.leaving) if name)
-
-
 def right_variants(proven: Proven, situation: Situation, rng: random.Random) -> list[Variant]:
     """Return plans that should be as right as the proven one, in random order."""
     roster = Roster(situation.world, situation.picture, situation.digest)
-    edits = list(harmless_edits(proven.plan, named_in(proven.order), roster, rng))
+    edits = list(harmless_edits(proven.plan, proven.order.named, roster, rng))
     plans = [(how, _plan(actions)) for how, actions in edits]
     plans += [("alternative", plan) for plan in proven.target.alternatives]
     found = [Variant(plan, "right", f"same {how}") for how, plan in plans]
@@ -225,42 +213,15 @@ def _wrong(
     rng: random.Random,
 ) -> Iterator[Variant]:
     world, picture, digest = situation.world, situation.picture, situation.digest
-    for how, order in misread(proven.order, world, picture, rng):
-        plan = teach(order, world, picture, digest).plan
-        yield Variant(plan, "wrong", f"misread {how}")
+    other_case = proven.order.other_case
+    if other_case is not None:
+        order = replace(proven.order, reading=other_case)
+        yield Variant(teach(order, world, picture, digest).plan, "wrong", "other case")
     for how, actions in wrong_edits(proven.plan, roster, rng):
         yield Variant(_plan(actions), "wrong", f"edit {how}")
     for other in others:
         if other is not proven:
             yield Variant(other.plan, "wrong", "other mission")
-    if proven.order.injected:
-        for actions in _obeyed(proven, roster, rng):
-            yield Variant(_plan(actions), "wrong", "injected")
-
-
-def _obeyed(proven: Proven, roster: Roster, rng: random.Random) -> Iterator[tuple[Action, ...]]:
-    """Yield plans that do what foreign text in the mission asks for, as far as names tell."""
-    world, text = roster.world, proven.case.command
-    meant = {
-        word
-        for ask in due_asks(proven.order, roster.picture)
-        for word in (*ask.who.names, ask.place, ask.leaving)
-    }
-    places = [name for name in _mentioned(text, world.frames) if name not in meant]
-    agents = [n for n in _mentioned(text, world.assets) if n not in meant and roster.up(n)]
-    free = [name for name in roster.free(("uav", "ugv", "robot")) if name not in agents]
-    for place in places or list(world.gates):
-        for name in agents or free[:1]:
-            command = "return_to_base" if place == world.base else f"move_to {place}"
-            action = Action(agent=name, command=command)
-            kept = [a for a in proven.plan.actions if a.agent != name and a.verb != "hold"]
-            yield (action,) if rng.random() < 0.5 else (*kept, action)
-
-
-def _mentioned(text: str, names: Iterable[str]) -> list[str]:
-    """Return the `names` that stand in `text`, however they are spaced or written."""
-    flat = re.sub(r"[^a-z0-9]", "", text.lower())
-    return [name for name in names if re.sub(r"[^a-z0-9]", "", name.lower()) in flat]
 
 
 def _plan(actions: Sequence[Action]) -> Plan:

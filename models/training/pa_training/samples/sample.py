@@ -1,6 +1,5 @@
 """Training samples: a prompt, the answer that is wanted, and where the sample came from."""
 
-import gzip
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
@@ -22,7 +21,6 @@ class Sample(StrictModel):
     answer: str = Field(description="what the model is to write, without an end mark")
     task: Role
     kind: str = Field(description="what it is a sample of, for tables: e.g. go/plain")
-    weight: float = Field(default=1.0, gt=0.0, description="of its answer in the loss")
     given: str = Field(
         default="", description="the part of the answer that the grammar writes: nothing to learn"
     )
@@ -56,13 +54,12 @@ def make_sample(  # noqa: PLR0917
 
 
 def read_samples(path: Path, task: Literal["planner", "judge", ""] = "") -> Iterator[Sample]:
-    """Yield the samples of `path`, gzipped or not, of one adapter's tasks if asked.
+    """Yield the samples of `path`, of one adapter's tasks if asked.
 
     Raises OSError, and ValueError with file and line for what is no sample.
     """
     wanted = {"planner": {"planner"}, "judge": {"judge", "outcome"}}.get(task)
-    opened = gzip.open if path.suffix == ".gz" else open
-    with opened(path, "rt", encoding="utf-8") as stream:
+    with path.open(encoding="utf-8") as stream:
         for number, line in enumerate(stream, 1):
             try:
                 sample = Sample.model_validate_json(line)

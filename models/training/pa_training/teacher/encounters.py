@@ -26,6 +26,7 @@ from pa_training.teacher.roster import (
 
 Step = Literal["observe", "identify", "warn", "block", ""]
 _WORKER: dict[Step, AssetKind] = {"identify": "robot", "warn": "robot", "block": "ugv"}
+_DOES: dict[Step, str] = {"identify": "identifies", "warn": "warns", "block": "blocks"}
 
 
 def respond(ask: Ask, desk: TakenAssets, roster: Roster) -> list[Draft]:
@@ -120,9 +121,6 @@ def _do(
     ]
 
 
-_DOES: dict[Step, str] = {"identify": "identifies", "warn": "warns", "block": "blocks"}
-
-
 def _with_recon(
     ask: Ask, workers: Sequence[str], note: str, desk: TakenAssets, roster: Roster
 ) -> list[Draft]:
@@ -176,8 +174,6 @@ def _workers(ask: Ask, step: Step, desk: TakenAssets, roster: Roster) -> list[st
     able = [n for n in own if roster.kind(n) == kind and n not in desk.used]
     if able:
         return able[:1]
-    if ask.who.names and ask.strict_who:
-        return []
     taken = desk.taken(ask.who.names)
     here = [n for n in roster.there(ask.place, (kind,)) if n not in taken and roster.clear(n)]
     sent = replace(ask, who=Who(kind=kind, origin=ask.who.origin))

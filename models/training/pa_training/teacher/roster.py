@@ -17,12 +17,27 @@ from pa_console.language.canonical.order import (
 )
 from pa_console.schema.telemetry import Digest, Picture, Track
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
-from pa_training.order_generator.orders import tracks_at
 
 Command = tuple[str, str]
 """An agent and its command."""
 MOST_LISTED = 6
 """More names than these are only counted in a reason."""
+MOST_TOLD, MOST_OFFERED = 3, 6
+"""More names than these are not told with their states, nor one by one, in a reason."""
+MOST_OPTIONS = 4
+"""The most ways to serve one ask that are tried."""
+FORBIDDEN: Mapping[Wrong, tuple[str, str]] = {
+    "force": ("no force", "ROE-01"),
+    "skip_identification": ("identify first", "ROE-02"),
+    "skip_warning": ("warn first", "ROE-03"),
+    "override": ("no order sets rules aside", "ROE-05"),
+    "chase": ("nobody leaves the perimeter", "ROE-06"),
+    "noncombatants": ("only watch", "ROE-08"),
+    "strip": ("gates stay covered", "WF-03"),
+}
+"""The orders that are refused in every situation, with the rule that forbids them."""
+Objection = tuple[str, str]
+"""Why not, in words, and the id of the rule."""
 
 
 class Draft(NamedTuple):
@@ -79,10 +94,6 @@ def goals(commands: Sequence[Command], world: World) -> Mapping[str, str]:
 def listed(names: Sequence[str]) -> str:
     """Return a few names in words, or how many there are."""
     return ", ".join(names) if len(names) <= MOST_LISTED else f"{len(names)} assets"
-
-
-MOST_TOLD, MOST_OFFERED = 3, 6
-"""More names than these are not told with their states, nor one by one, in a reason."""
 
 
 @dataclass(frozen=True)
@@ -186,23 +197,15 @@ class Roster:
         named = self.picture.tracks.get(track_id)
         if named is not None:
             return named
-        here = tracks_at(self.picture, place, kind) or tracks_at(self.picture, place)
-        return here[0] if here else None
+        tracks = [t for t in self.picture.tracks.values() if t.gate == place]
+        here = [track for track in tracks if track.status != "leaving"]
+        alike = [track for track in here if kind in ("", track.kind)]
+        return min(alike or here, key=_urgency, default=None)
 
 
-FORBIDDEN: Mapping[Wrong, tuple[str, str]] = {
-    "force": ("no force", "ROE-01"),
-    "skip_identification": ("identify first", "ROE-02"),
-    "skip_warning": ("warn first", "ROE-03"),
-    "override": ("no order sets rules aside", "ROE-05"),
-    "chase": ("nobody leaves the perimeter", "ROE-06"),
-    "noncombatants": ("only watch", "ROE-08"),
-    "strip": ("gates stay covered", "WF-03"),
-}
-"""What must not be done whatever the situation, with the rule that forbids it."""
-
-Objection = tuple[str, str]
-"""Why not, in words, and the id of the rule."""
+def _urgency(track: Track) -> tuple[bool, float, str]:
+    """Return by what tracks are put in order, the most urgent first."""
+    return track.intent != "hostile", track.distance_m, track.id
 
 
 def objection(ask: Ask, roster: Roster) -> Objection | None:
@@ -245,10 +248,6 @@ def _told(found: Obstacle, task: Task) -> Objection:
             rule = "CAP-02" if verb == "block" or kind == "ugv" else "CAP-01"
             word = "assets" if kind is None else f"{PLAIN_KINDS[kind]}s"
             return f"{word} do not {verb}", "CAP-03" if verb == "warn" and kind != "uav" else rule
-
-
-MOST_OPTIONS = 4
-"""So many ways to serve one ask are tried at most."""
 
 
 def named(ask: Ask, desk: TakenAssets, roster: Roster) -> tuple[list[str], tuple[str, ...]]:
@@ -306,7 +305,7 @@ def fewer(draft: Draft, roster: Roster) -> list[Draft]:
             undone=True,
         )
         for stays in draft.agents
-        if len(draft.agents) > 1 and not draft.ask.strict_who and (gate := roster.alone_at(stays))
+        if len(draft.agents) > 1 and (gate := roster.alone_at(stays))
     ]
 
 
@@ -331,7 +330,7 @@ def guards(ask: Ask, desk: TakenAssets, roster: Roster, place: str) -> list[str]
             if asset_objection(name, ask, roster) is None and name not in desk.used
         ][:1]
     kinds = kinds_of(ask)
-    if ask.who.kind is not None and not ask.strict_who:
+    if ask.who.kind is not None:
         kinds = tuple(sorted(KINDS, key=lambda kind: kind != ask.who.kind))
     pool = roster.free(kinds, desk.taken(own), ask.who.origin)
     fit = (n for n in pool if n != ask.leaving and roster.stands(n) != place)

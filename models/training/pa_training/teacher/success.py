@@ -8,9 +8,8 @@ from collections.abc import Iterator, Sequence
 from pa_console.language.canonical.order import Ask, Task
 from pa_console.schema.command import Verb
 from pa_console.schema.world import World
-from pa_training.order_generator.orders import Order
 
-NOTHING = ("run.refused", "size(run.moved) == 0")
+STAYS = ("run.refused", "size(run.moved) == 0")
 """Nothing was ordered but hold and report, and nobody has moved."""
 COVERED = (
     "run.gates.all(g, !run.coverage[g].at_start || (run.coverage[g].at_end"
@@ -30,14 +29,14 @@ _ESCALATION = (
 _MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
 
 
-def conditions(asks: Sequence[Ask], order: Order, world: World) -> tuple[str, ...]:
-    """Return the conditions for the `asks` of `order` that are to be served; none mean to hold."""
+def conditions(asks: Sequence[Ask], world: World, *, others_stay: bool = False) -> tuple[str, ...]:
+    """Return the conditions for the asks of an order that are to be served; none mean to hold."""
     moving = [ask for ask in asks if ask.task not in ("report", "hold")]
     wanted = [text for ask in asks for text in _ask(ask, world)]
     if not moving:
-        return tuple(dict.fromkeys((*wanted, *NOTHING)))
+        return tuple(dict.fromkeys((*wanted, *STAYS)))
     movers = [text for ask in moving for text in _may_move(ask, world)]
-    if not order.others_stay and not all(ask.strict_who for ask in moving):
+    if not others_stay:
         movers.append(_TAKES_OVER)
         movers += [_at("n", ask.place, "uav") for ask in moving if ask.place in world.gates]
     movers += [_met(ask.place) for ask in moving if ask.place in world.gates]

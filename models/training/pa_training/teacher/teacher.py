@@ -3,15 +3,14 @@
 A gate that loses its only guard gets another one in the same plan (WF-03); ground assets that go to
 an unknown track get a drone that sees it before them (WF-02).
 
-Solutions come in the order of preference; the checks and the rehearsal have not seen them.
-
-It never sees words. It proposes plans in the order of preference; who uses it verifies them and
-takes the first that holds. What must be true of a run is written by success.py.
+It never sees an operator's words. It proposes plans in the order of preference, which neither the
+checks nor the rehearsal have seen; callers verify them and take the first that holds. What must be
+true of a run is written by success.py.
 """
 
 import re
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from typing import NamedTuple
 
@@ -20,14 +19,13 @@ from pydantic import Field
 from pa_console.language.canonical.order import Ask, Task
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.schema.base import Positive, StrictModel
-from pa_console.schema.command import ENCOUNTERS, Verb
+from pa_console.schema.command import ENCOUNTERS
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Digest, Picture
 from pa_console.schema.world import KINDS, World
-from pa_training.order_generator.orders import Order, canonical_order, due_asks
+from pa_training.orders.meaning import Order
 from pa_training.teacher import encounters, moves
-from pa_training.teacher import moves as still
 from pa_training.teacher.moves import look
 from pa_training.teacher.roster import (
     Command,
@@ -42,6 +40,29 @@ from pa_training.teacher.roster import (
 from pa_training.teacher.success import conditions
 
 MOST_FILLERS = 4
+MOST_PLANS = 8
+WATCH_S, FOLLOW_S = 60.0, 150.0
+"""The least simulated time of a run: for a plan, and for a workflow that goes on."""
+Barred = Mapping[int, tuple[str, str]]
+"""The asks that are refused, by place in the order, each with why and under which rule."""
+_STATE = re.compile(r"\w+: (free|alone|busy)(, \w+: (free|alone|busy))*")
+"""Facts that are left out of a reason that tells of a takeover."""
+_TASKS: Mapping[Task, Callable[[Ask, TakenAssets, Roster], list[Draft]]] = {
+    "go": moves.go,
+    "look": moves.look,
+    "identify": encounters.identify,
+    "warn": encounters.warn,
+    "block": encounters.block,
+    "respond": encounters.respond,
+    "cover": moves.cover,
+    "relieve": moves.relieve,
+    "swap": moves.swap,
+    "home": moves.home,
+    "stand_down": moves.stand_down,
+    "mass": moves.mass,
+    "report": moves.report,
+    "hold": moves.hold,
+}
 
 
 class Filled(NamedTuple):
@@ -141,10 +162,6 @@ def _commands(drafts: Sequence[Draft]) -> list[Command]:
     return [command for draft in drafts for command in draft.commands]
 
 
-_STATE = re.compile(r"\w+: (free|alone|busy)(, \w+: (free|alone|busy))*")
-"""What need not be said of those who are sent once a takeover is told."""
-
-
 class Solution(NamedTuple):
     """Drafts for every ask, and what is added to them."""
 
@@ -163,14 +180,14 @@ def plan_of(order: Order, solution: Solution, roster: Roster) -> Plan:
         commands = _holder([draft.ask for draft in solution.drafts], roster)
         why += ["hold"] if any(d.ask.task != "hold" for d in solution.drafts) else []
     return Plan(
-        reason=_reason(order, why, roster),
+        reason=_reason(order, why),
         actions=tuple(Action(agent=agent, command=command) for agent, command in commands),
     )
 
 
-def _reason(order: Order, why: Sequence[str], roster: Roster) -> str:
+def _reason(order: Order, why: Sequence[str]) -> str:
     """Return the canonical reason, no longer than a grammar lets it be."""
-    words = f"asked: {canonical_order(order, roster.world, roster.picture, roster.digest)}"
+    words = order.asked
     parts = list(dict.fromkeys(why)) or ["nothing to do"]
     while len(parts) > 1 and len(words) + 2 + len(", ".join(parts)) > REASON_CHARS:
         parts.pop(-2 if parts[-1] == "hold" else -1)
@@ -183,28 +200,6 @@ def _holder(asks: Sequence[Ask], roster: Roster) -> list[Command]:
     named = [name for ask in asks for name in (*ask.who.names, ask.leaving) if roster.up(name)]
     names = [*named, *roster.free(("uav", "ugv", "robot")), *roster.every()]
     return [(name, "hold") for name in names[:1]]
-
-
-Barred = Mapping[int, tuple[str, str]]
-"""The asks that are refused, by place in the order, each with why and under which rule."""
-
-MOST_PLANS = 8
-_TASKS: Mapping[Task, Callable[[Ask, TakenAssets, Roster], list[Draft]]] = {
-    "go": moves.go,
-    "look": moves.look,
-    "identify": encounters.identify,
-    "warn": encounters.warn,
-    "block": encounters.block,
-    "respond": encounters.respond,
-    "cover": moves.cover,
-    "relieve": moves.relieve,
-    "swap": moves.swap,
-    "home": moves.home,
-    "stand_down": moves.stand_down,
-    "mass": moves.mass,
-    "report": still.report,
-    "hold": still.hold,
-}
 
 
 def solved(
@@ -275,7 +270,7 @@ def _filled(order: Order, drafts: tuple[Draft, ...], roster: Roster) -> Iterator
     if not _culprits(order, drafts, roster, alone=True):
         for filled in fillings(drafts, roster, reserved):
             yield Solution(drafts, filled)
-        if not order.others_stay and not bare_gates(drafts, roster):
+        if not order.reading.others_stay and not bare_gates(drafts, roster):
             for filled in relays(drafts, roster, reserved):
                 yield Solution(drafts, filled)
 
@@ -291,7 +286,7 @@ def _culprits(
     bare, unseen = set(bare_gates(drafts, roster)), set(unseen_places(drafts, roster))
     left = _left(goals([c for draft in drafts for c in draft.commands], roster.world), roster)
     for number, draft in enumerate(drafts):
-        if alone and not (order.others_stay or draft.ask.strict_who):
+        if alone and not order.reading.others_stay:
             continue
         ends = goals(draft.commands, roster.world)
         own = [(gate, name) for gate in left for name in left[gate] if ends.get(name, gate) != gate]
@@ -319,10 +314,6 @@ def _reserved(asks: Sequence[Ask]) -> frozenset[str]:
     return frozenset(name for ask in asks for name in (*ask.who.names, ask.leaving) if name)
 
 
-WATCH_S, FOLLOW_S = 60.0, 150.0
-"""So long a run is watched at least: for a plan, and for a workflow that goes on."""
-
-
 class Target(StrictModel):
     """What is right for an order: the plan, what else would be, and what must be true of a run."""
 
@@ -338,24 +329,10 @@ class Target(StrictModel):
     )
 
 
-def teach(
-    order: Order, world: World, picture: Picture, digest: Digest, verbs: Collection[Verb] = ()
-) -> Target:
-    """Return the target for `order`; only `verbs` are used when some are given.
-
-    Raises ValueError when nothing can be done with these verbs.
-    """
-    roster = Roster(world, picture, digest, order.excluded)
-    target = _chained(_targets(order, due_asks(order, picture), roster))
-    if not verbs:
-        return target
-    fit = [
-        p for p in (target.plan, *target.alternatives) if {a.verb for a in p.actions} <= {*verbs}
-    ]
-    if not fit:
-        raise ValueError(f"no plan of {', '.join(verbs)} serves the order")
-    update = {"plan": fit[0], "alternatives": tuple(fit[1:]), "otherwise": None}
-    return target.model_copy(update=update)
+def teach(order: Order, world: World, picture: Picture, digest: Digest) -> Target:
+    """Return the target for `order`."""
+    roster = Roster(world, picture, digest, order.reading.excluded)
+    return _chained(_targets(order, order.reading.asks, roster))
 
 
 def _chained(targets: Iterable[Target]) -> Target:
@@ -391,11 +368,12 @@ def _target(order: Order, alike: Sequence[Solution], roster: Roster) -> Target:
     plans = [plan_of(order, solution, roster) for solution in alike]
     plans = list(dict.fromkeys(plans))[:MOST_PLANS]
     drafts = alike[0].drafts
+    served = [draft.ask for draft in drafts if draft.done and draft.commands]
     follow = _goes_on(plans[0], roster)
     return Target(
         plan=plans[0],
         expect=_expected(drafts),
-        success=conditions([d.ask for d in drafts if d.done and d.commands], order, roster.world),
+        success=conditions(served, roster.world, others_stay=order.reading.others_stay),
         watch_s=FOLLOW_S if follow else WATCH_S,
         rule_ids=tuple(dict.fromkeys(draft.rule for draft in drafts if draft.rule)),
         alternatives=tuple(plans[1:]),

@@ -15,7 +15,6 @@ from rich.progress import (
 from pa_console.cli.progress_bars import LiveBar
 from pa_console.schema.text import count
 from pa_console.terminal.output import errors
-from pa_training.samples.data_set import Made
 
 if TYPE_CHECKING:  # it needs torch, which only training itself may import
     from pa_training.adapters.trainer import Progress as Step
@@ -34,13 +33,24 @@ class DataProgress(LiveBar):
         """`done` of `total` groups were there already."""
         self._total, self._done, self._samples = total, done, 0
         self._began = self._told = monotonic()
-        self._progress = _bar("groups")
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TextColumn("groups"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=errors,
+            transient=True,
+            speed_estimate_period=SPEED_OVER_S,
+        )
         self._task = self._progress.add_task("starting", total=total, completed=done)
 
-    def add(self, made: Made) -> None:
-        """Count one more group."""
+    def add(self, samples: int) -> None:
+        """Count one more group with so many samples."""
         self._done += 1
-        self._samples += len(made.samples)
+        self._samples += samples
         now = monotonic()
         rate = self._samples / max(now - self._began, 1e-6)
         text = f"{count(self._samples, 'sample')}, {rate:.1f}/s"
@@ -48,32 +58,6 @@ class DataProgress(LiveBar):
         if not errors.is_terminal and (now - self._told > LINE_S or self._done == self._total):
             self._told = now
             errors.print_line(f"{self._done}/{self._total} groups: {text}")
-
-
-class ReadingProgress(LiveBar):
-    """Counts situations and the samples of them; only a terminal sees it."""
-
-    def __init__(self, total: int) -> None:
-        self._samples = 0
-        self._progress = _bar("situations")
-        self._task = self._progress.add_task("", total=total)
-
-    def add(self, samples: int) -> None:
-        """Count one more situation with so many samples."""
-        self._samples += samples
-        self._progress.update(self._task, advance=1, description=count(self._samples, "sample"))
-
-
-class MissionProgress(LiveBar):
-    """Counts missions of a generated set; only a terminal sees it."""
-
-    def __init__(self, total: int) -> None:
-        self._progress = _bar("missions")
-        self._task = self._progress.add_task("", total=total)
-
-    def add(self, missions: int) -> None:
-        """Count some more missions."""
-        self._progress.advance(self._task, missions)
 
 
 class TrainProgress(LiveBar):
@@ -108,18 +92,3 @@ class TrainProgress(LiveBar):
         if not errors.is_terminal and (ended or monotonic() - self._told > LINE_S):
             self._told = monotonic()
             errors.print_line(f"{text}  {left}")
-
-
-def _bar(what: str) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn(what),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=errors,
-        transient=True,
-        speed_estimate_period=SPEED_OVER_S,
-    )

@@ -1,1 +1,0 @@
-"""Draws orders that fit a situation, in all their kinds."""

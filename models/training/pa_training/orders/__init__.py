@@ -1,0 +1,1 @@
+"""Orders in the words of people, with their meanings in canonical words."""

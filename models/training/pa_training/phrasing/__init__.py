@@ -1,1 +1,0 @@
-"""Puts orders into the words of operators, from phrase banks."""
