@@ -1,12 +1,7 @@
-"""Orders of the training generator with their true readings, and wrong readings of them.
-
-`python -m tests.attacks.readings 420` says how often the mention check objects to a right reading,
-and how often it notices a wrong one, over some 2,000 orders in words that no model was trained on.
-"""
+"""Orders of the training generator with their true readings, and wrong readings of them."""
 
 import random
 import re
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -138,14 +133,3 @@ def measure(groups: int, split: Split) -> Rates:
             found = check_mentions(one.world, one.picture, one.text, said, nothing)
             noticed[sort] += bool(found.gaps)
     return Rates(alarms, right, noticed, tried)
-
-
-if __name__ == "__main__":
-    for part in ("train", "heldout"):
-        rates = measure(int(sys.argv[1]), part)
-        share = rates.alarms / rates.right
-        print(f"{part}: false alarms {rates.alarms} of {rates.right}, {share:.1%}")
-        for sort, count in sorted(rates.tried.items()):
-            print(f"  {sort}: {rates.noticed[sort]} of {count}, {rates.noticed[sort] / count:.1%}")
-        whole = rates.noticed.total() / rates.tried.total()
-        print(f"  all: {rates.noticed.total()} of {rates.tried.total()}, {whole:.1%}")

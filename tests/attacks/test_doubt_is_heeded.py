@@ -23,8 +23,7 @@ from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
 from pa_console.session.mission_trace import Attempt
-from pa_console.signing import KEY_VARIABLE
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.scripted import ScriptedEngine, plan
 
 pytestmark = pytest.mark.invariant
@@ -61,11 +60,6 @@ class Readers(ScriptedEngine):
             yield piece
 
 
-@pytest.fixture(autouse=True)
-def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
-
-
 @pytest.fixture
 def models(monkeypatch: pytest.MonkeyPatch) -> Readers:
     """Put models that read as they are told in the place of the real one."""
@@ -86,9 +80,8 @@ Auto = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture
-def auto(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Auto:
+def auto(call: Call) -> Auto:
     """Return what gives a mission under standing approval: its exit code and what became of it."""
-    call: Call = caller(monkeypatch, capsys)
 
     def give(text: str) -> tuple[int, dict[str, Any]]:
         done = call("mission", text, "--approve", "auto", "--json")

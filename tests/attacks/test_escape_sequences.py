@@ -31,7 +31,7 @@ from pa_console.session.recording import Player
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.app import ConsoleApp
 from tests.attacks.hostile_text import PAYLOAD, PIECES, hostile, raw
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.evaluation.records import made_record
 from tests.session.logs import write_log
 from tests.tui import story
@@ -70,14 +70,14 @@ RULES: dict[str, Any] = {
 
 
 @pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+def call(call: Call, monkeypatch: pytest.MonkeyPatch) -> Call:
     """Return what runs a verb in this process, with the loader's own gate open."""
 
     def nothing(text: str) -> str:
         return text[:0]
 
     monkeypatch.setattr(document, "obeyed", nothing)
-    return caller(monkeypatch, capsys)
+    return call
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource
 from pa_console.llm.models.preparing import Preparation, prepare
 from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
-from tests.cli.inside import caller
+from tests.cli.inside import Call
 from tests.cli.test_serve_web import served
 from tests.training.adapters.tiny import write_tiny
 
@@ -171,7 +171,7 @@ class _Screen:
 
 
 @pytest.fixture
-def web_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def web_command(monkeypatch: pytest.MonkeyPatch, call: Call) -> Any:
     """Return what gives the command of a window of `serve --web` with the words given."""
 
     def command(*words: str) -> list[str]:
@@ -182,7 +182,7 @@ def web_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
             return 0
 
         monkeypatch.setattr(web, "serve_console", serve_console)
-        assert caller(monkeypatch, capsys)(*words).code == 0
+        assert call(*words).code == 0
         return list(asked[0])
 
     return command
@@ -223,10 +223,10 @@ def test_paths_of_the_command_line_mean_the_same_to_a_window(
 
 
 def test_the_user_s_own_search_path_means_the_same_to_children(
-    trap: Trap, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    trap: Trap, monkeypatch: pytest.MonkeyPatch, call: Call
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(("", "own", "/opt/lib")))
-    assert caller(monkeypatch, capsys)("--version").code == 0
+    assert call("--version").code == 0
     assert os.environ["PYTHONPATH"] == f"{trap.folder}/own{os.pathsep}/opt/lib"
 
 

@@ -26,7 +26,7 @@ from pa_console.llm.local.messages import Load, PinnedFile, Ready
 from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from tests.attacks.dangerous_calls import DANGEROUS
-from tests.cli.inside import caller
+from tests.cli.inside import Call
 from tests.training.adapters.tiny import write_tiny
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
@@ -270,17 +270,13 @@ async def test_no_model_is_loaded_without_the_confinement_that_is_required(
 )
 @pytest.mark.parametrize("how", ["--require-sandbox", "--set require_sandbox=on"])
 def test_no_session_starts_without_the_confinement_that_is_required(
-    words: str,
-    how: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tiny: LocalModel,
+    words: str, how: str, monkeypatch: pytest.MonkeyPatch, call: Call, tiny: LocalModel
 ) -> None:
     lost = (Restriction(what="no network", missing="no filter here"),)
     monkeypatch.setattr("pa_console.cli.sessions.live.try_out", lambda: lost)
     before = how.split() if how.startswith("--set") else []
     after = [] if before else [how]
-    done = caller(monkeypatch, capsys)(*before, *words.split(), "--model", str(tiny.path), *after)
+    done = call(*before, *words.split(), "--model", str(tiny.path), *after)
     assert done.code == 2
     assert "no network (no filter here)" in done.said
     assert "Linux 5.13" in done.said, "the remedy"
