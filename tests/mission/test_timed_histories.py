@@ -22,7 +22,7 @@ from pa_console.schema.mission import Decision, Schedule, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.session.log.writer import Journal
-from tests.mission.test_command_gate import Link
+from tests.mission.gate import Link
 
 BEGAN = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)
 GRACE_S = 60.0

@@ -29,8 +29,7 @@ from tests.fleets.keyring import (
     TO_SOUTH,
     Clock,
 )
-from tests.mission.gate import send
-from tests.mission.test_command_gate import WORLD
+from tests.mission.gate import WORLD, send
 
 pytestmark = pytest.mark.invariant
 
