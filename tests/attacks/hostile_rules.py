@@ -13,8 +13,7 @@ from typing import Any
 from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.document import DocumentError
-from tests.policy.large import large_plan, large_rehearsal, large_world
-from tests.policy.test_large import MISSION
+from tests.policy.test_large import MISSION, large_plan, large_rehearsal, large_world
 
 Check = Callable[[random.Random], str]
 

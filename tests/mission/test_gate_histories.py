@@ -37,7 +37,7 @@ from tests.mission.pictures import GATES, asset, picture
 
 pytestmark = pytest.mark.invariant
 
-HISTORIES, STEPS = 3000, 36
+HISTORIES, STEPS = 1500, 36
 NAMES = ("Drone_T01", "Drone_T02", "Robot_T01")
 COMMANDS = ("move_to EastGate", "move_to WestGate", "hold", "report", "return_to_base")
 RULE = Rule(id="ROE-01", domain="ROE", priority="high", text="r")

@@ -34,7 +34,7 @@ from pa_console.session.log.writer import Journal
 from tests.mission.gate import WORLD, Link, send
 from tests.mission.pictures import GATES, asset, picture
 
-HISTORIES, STEPS = 2000, 25
+HISTORIES, STEPS = 1000, 25
 POSTS = (("Drone_T01", GATES[0]), ("Drone_T02", GATES[1]))
 NAMES = tuple(name for name, _ in POSTS)
 RULE = Rule(id="ROE-01", domain="ROE", priority="high", text="r")

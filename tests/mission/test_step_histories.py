@@ -22,7 +22,7 @@ from pa_console.schema.plan import Action, Plan
 from tests.mission.gate import Link, gate_on
 
 RULES = Rulebook("none", "", ())
-HISTORIES = 3000
+HISTORIES = 1600
 NAMES = ("Drone_T04", "Robot_T01", "Robot_T02", "Ugv_T02")
 GATES = ("NorthGate", "EastGate", "SouthGate", "WestGate")
 
