@@ -195,12 +195,6 @@ async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
     await compare_with_fresh_context(engine, shallow_model)
 
 
-async def test_a_whole_model_answers_as_in_a_fresh_context(
-    whole: Engine, smallest_model: LocalModel
-):
-    await compare_with_fresh_context(whole, smallest_model)
-
-
 @pytest.mark.parametrize("name", ["gemma-3-270m", "qwen2.5-coder-0.5b"])
 async def test_other_models_too_answer_as_in_a_fresh_context(name: str):
     try:
