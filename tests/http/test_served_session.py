@@ -1,6 +1,5 @@
 """A session behind HTTP: who is let in, what may be done, and that nothing else decides."""
 
-import hashlib
 import json
 import re
 import socket
@@ -13,14 +12,11 @@ import httpx
 import pytest
 
 import pa_console as pa
-from pa_console.http.bodies import ActionBody, plan_of
 from pa_console.http.guard import MOST_BYTES
 from pa_console.http.tokens import TOKENS_FILE, TokenBook
-from pa_console.session.stills import stills_folder
 from pa_console.signing import key_path
 from tests.http.conftest import FILL, WRITES_AT_ONCE, Site
 from tests.scripted import ScriptedEngine
-from tests.stills import CAMERA
 
 ORDER = "Fill the gap at EastGate."
 PAGE = Path(pa.__file__).parent / "manual" / "serve.md"
@@ -302,112 +298,3 @@ def test_the_program_of_the_page_is_served_to_whoever_reads_its_address(
     for one in clients:
         one.join(30)
     assert sorted(told) == ["ann", "verified"]
-
-
-def test_pictures_are_served_as_they_are_kept(site: Site) -> None:
-    site.happens({"kind": "spawn", "gate": "NorthGate", "distance_m": 40.0}, 6.0)
-    (track,) = site.ask("GET", "/v1/state", "observer").json()["picture"]["tracks"]
-    taken = site.ask("GET", f"/v1/tracks/{track}/still", "observer")
-    assert taken.status_code == 200, taken.text
-    assert taken.headers["content-type"] == "image/png"
-    sha256 = hashlib.sha256(taken.content).hexdigest()
-    assert taken.headers["etag"] == f'"{sha256}"'
-    assert (stills_folder(site.log) / f"{sha256}.png").read_bytes() == taken.content
-    assert site.ask("GET", f"/v1/stills/{sha256}", "observer").content == taken.content
-
-    plan = site.waiting(f"Look at {track} at the north gate.")
-    (shown,) = site.until("/v1/plans", lambda plans: plans if plans[0]["still"] else None)
-    assert (shown["still"]["camera"], shown["still"]["track"]) == (CAMERA, track)
-    kept = site.ask("GET", f"/v1/stills/{shown['still']['sha256']}", "observer")
-    assert hashlib.sha256(kept.content).hexdigest() == shown["still"]["sha256"]
-    assert shown["shown_sha256"] == plan["shown_sha256"], "it is no part of what is decided"
-    site.ask("POST", "/v1/decisions", json=decision(shown, "reject"))
-    detail = site.ended(plan["mission"]["id"])
-    assert detail["stills"]["1"]["sha256"] == shown["still"]["sha256"]
-
-
-def test_where_there_is_none_the_answer_says_why(site: Site) -> None:
-    missing = problem(site.ask("GET", "/v1/tracks/Track_99/still"), 404)
-    assert "no track 'Track_99'" in missing["detail"]
-    for name in ("0" * 64, "..%2Fsession.jsonl", "x"):
-        assert site.ask("GET", f"/v1/stills/{name}").status_code == 404
-    assert site.ask("GET", f"/v1/stills/{'0' * 64}", "").status_code == 401
-
-
-PATH = "/v1/assets/Drone_T04/manual"
-
-
-def test_an_asset_is_taken_shown_and_given_back(site: Site) -> None:
-    assert site.ask("POST", PATH, "observer").status_code == 403
-    assert site.ask("POST", PATH).status_code == 204
-    state = site.ask("GET", "/v1/state", "observer").json()
-    (taken,) = [one for one in state["manual"] if one["asset"] == "Drone_T04"]
-    assert taken["by"]
-    assert state["picture"]["assets"]["Drone_T04"]["manual"]
-    again = site.ask("POST", PATH)
-    assert (again.status_code, again.json()["type"].rpartition(":")[2]) == (409, "not-changed")
-    assert site.ask("DELETE", PATH, "observer").status_code == 403
-    assert site.ask("DELETE", PATH).status_code == 204
-    assert site.ask("GET", "/v1/state", "observer").json()["manual"] == []
-    assert site.ask("DELETE", PATH).status_code == 409
-
-
-def test_an_asset_that_is_not_there_is_not_found(site: Site) -> None:
-    refused = site.ask("POST", "/v1/assets/Drone_T99/manual")
-    assert refused.status_code == 404
-    assert "Drone_T01" in refused.json()["remedy"]
-
-
-def test_a_plan_of_the_operators_own_keeps_its_steps() -> None:
-    bodies = (
-        ActionBody(agent="Robot_T01", command="move_to NorthGate", stay_s=5.0),
-        ActionBody(agent="Ugv_T02", command="return_to_base", after=[1]),
-    )
-    plan = plan_of(bodies, "")
-    assert plan.steps == ((1,), (2,))
-    assert plan.actions[0].stay_s == 5.0
-
-
-STANDING = "Whenever a drone is below 20 %, relieve it."
-LOW: dict[str, object] = {"kind": "battery", "asset": "Drone_T01", "percent": 15.0}
-
-
-def test_a_mission_of_a_standing_order_is_listed_and_its_plan_is_shown(site: Site) -> None:
-    order = site.waiting(STANDING)
-    assert order["mission"]["source"] == "operator"
-    assert site.ask("POST", "/v1/decisions", json=decision(order)).json()["accepted"]
-    site.ended(order["mission"]["id"])
-    passing = Thread(target=site.happens, args=(LOW, 5.0))
-    passing.start()  # the clock of a program's own station stands while a plan waits
-    plan = site.until("/v1/plans", lambda plans: next(iter(plans), None))
-    assert plan["mission"]["source"] == "standing"
-    listed = site.ask("GET", "/v1/missions", "observer").json()
-    assert [one["source"] for one in listed] == ["operator", "standing"]
-    whole = site.ask("GET", f"/v1/missions/{plan['mission']['id']}", "observer").json()
-    assert whole["source"] == "standing"
-    site.ask("POST", "/v1/decisions", json=decision(plan, "reject"))
-    assert site.ended(plan["mission"]["id"])["status"] == "rejected"
-    passing.join(60)
-
-
-def test_a_timed_order_is_listed_with_its_next_moment_and_changed_over_http(site: Site) -> None:
-    order = site.waiting("In one hour and then every ten minutes send Drone_T04 to the east gate.")
-    assert site.ask("POST", "/v1/decisions", json=decision(order)).json()["accepted"]
-    site.ended(order["mission"]["id"])
-    site.happens(LOW, 1.0)
-    one = listed(site)[-1]
-    path = f"/v1/standing/{one['order']['id']}"
-    assert (one["started"], one["paused"]) == (0, False)
-    for change in ("pause", "skip", "resume"):
-        assert site.ask("POST", f"{path}/{change}").status_code == 204
-    again = listed(site)[-1]
-    assert (again["paused"], again["next"] > one["next"]) == (False, True)
-    assert site.ask("POST", f"{path}/revoke", "observer").status_code == 403
-    assert site.ask("POST", f"{path}/revoke").status_code == 204
-    assert one["order"]["id"] not in [each["order"]["id"] for each in listed(site)]
-    assert site.ask("POST", f"{path}/pause").status_code == 404
-
-
-def listed(site: Site) -> list[dict[str, Any]]:
-    """Return the standing orders that are in force, as an observer reads them."""
-    return site.ask("GET", "/v1/state", "observer").json()["standing"]
