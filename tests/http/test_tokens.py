@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.authorization import RefusedError, Role
+from pa_console.http.bodies import ActionBody, plan_of
 from pa_console.http.guard import RequestRate
 from pa_console.http.served_session import KEPT, EventFeed
 from pa_console.http.tokens import Bearer, TokenBook
@@ -13,7 +14,6 @@ from pa_console.private_files import NotPrivateError
 from pa_console.schema.events import event as ev
 from tests.session.logs import kept, write_log
 from tests.session.story import at, telemetry
-from pa_console.http.bodies import ActionBody, plan_of
 
 
 @pytest.fixture
