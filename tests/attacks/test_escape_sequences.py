@@ -220,7 +220,6 @@ def test_the_log_keeps_the_true_text(log: str) -> None:
         ["settings", "show", "--json"],
         ["models", "list"],
         ["models", "list", "--json"],
-        ["doctor"],
         ["doctor", "--json"],
         ["mission", MISSION, "--rules", "RULES", "--model", "/no\x1b[5m"],
         ["no\x1b[5m verb [/x]\u202e"],

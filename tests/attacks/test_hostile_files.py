@@ -1,6 +1,7 @@
 """No file of an operator costs more than half a second and a hundred megabytes, whatever is in it.
 
-Times are told by `python -m tests.attacks files`; here it is memory and the outcome.
+Times are told by `python -m tests.attacks files`, which reads all of every kind. Here it is memory
+and the outcome; files that fail before their kind matters are read as one kind for the most part.
 """
 
 from itertools import count
@@ -41,8 +42,8 @@ workflows:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_hostile_file_is_read_or_refused_within_its_limits(kind: str) -> None:
-    found = list(costs(kind))
-    assert len(found) >= 50
+    found = list(costs(kind, every=1 if kind in ("rules", "signature") else 3))
+    assert len(found) > 15
     assert not [cost for cost in found if cost.amiss]
 
 

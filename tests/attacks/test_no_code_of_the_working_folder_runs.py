@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import aclosing
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,17 +18,18 @@ import pa_console
 from pa_console.child_processes import isolated_workers
 from pa_console.cli.sessions import web
 from pa_console.evaluation.dask_sweep import Workers, cluster
-from pa_console.llm.backend import GenerationEnd, PullError, Request
+from pa_console.llm.backend import PullError
 from pa_console.llm.local.confinement import try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import fetching
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file, silent
-from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource
+from pa_console.llm.models.catalogue import HubSource, PackageSource
 from pa_console.llm.models.preparing import Preparation, prepare
 from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
 from tests.cli.inside import Call
 from tests.cli.test_serve_web import served
+from tests.llm.asking import answer, tiny_model
 from tests.training.adapters.tiny import write_tiny
 
 PACKAGES = ("pip", "pa_console", "multiprocessing", "distributed", "numpy")
@@ -85,20 +85,10 @@ async def test_the_trap_catches_a_child_that_looks_into_the_working_folder(trap:
 
 
 async def test_the_process_of_the_model_runs_none_of_it(trap: Trap) -> None:
-    path = write_tiny(Path("tiny.gguf"))
-    engine = Engine(LocalModel("tiny", path, hash_file(path), "chatml", n_ctx=512))
-    request = Request(
-        role="planner",
-        system="You are a planner.",
-        user="Where is the gate?",
-        grammar="start: /[a-z]{6}/",
-        max_tokens=8,
-        deadline_s=300,
-    )
-    async with aclosing(engine.generate(request)) as items:
-        finished = [item.finish async for item in items if isinstance(item, GenerationEnd)]
+    engine = Engine(tiny_model(Path()))
+    finish = (await answer(engine)).finish
     await engine.close()
-    assert (finished, trap.sprung) == (["stop"], [])
+    assert (finish, trap.sprung) == ("stop", [])
 
 
 def test_the_trial_of_its_confinement_runs_none_of_it(trap: Trap) -> None:

@@ -30,10 +30,10 @@ from tests.scripted import ScriptedEngine, plan
 
 pytestmark = pytest.mark.invariant
 
-STOPS = int(os.environ.get("PA_CONSOLE_STOPS", "300"))
+STOPS = int(os.environ.get("PA_CONSOLE_STOPS", "150"))
 """So many random missions are stopped; `python -m tests.attacks stop` takes more."""
 
-CHUNKS = 10
+CHUNKS = 5
 REPORT = plan(("Drone_T04", "report"))
 
 

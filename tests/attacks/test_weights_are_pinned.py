@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import AsyncGenerator, Awaitable, Callable
-from contextlib import aclosing, asynccontextmanager
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,23 +12,16 @@ from typing import Any
 import pytest
 
 from pa_console.cli.verbs.doctor_checks import check_model
-from pa_console.llm.backend import GenerationEnd, ModelError, ModelUnavailableError, Request
+from pa_console.llm.backend import ModelError, ModelUnavailableError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalAdapter, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer
+from tests.llm.asking import answer, local_model
 from tests.training.adapters.tiny import write_tiny
 
 NAME = "tiny"
 CHANGED = "not the file that was checked"
-ASK = Request(
-    role="judge",
-    system="You are a judge.",
-    user="Is the gate covered?",
-    grammar="start: /[a-z]{4}/",
-    max_tokens=8,
-    deadline_s=300,
-)
 
 
 @pytest.fixture(autouse=True)
@@ -152,9 +145,7 @@ async def running(model: LocalModel) -> AsyncGenerator[Callable[[], Awaitable[st
     engine = Engine(model)
 
     async def ask() -> str:
-        async with aclosing(engine.generate(ASK)) as items:
-            ends = [item.text async for item in items if isinstance(item, GenerationEnd)]
-        return ends[-1]
+        return (await answer(engine)).text
 
     try:
         yield ask
@@ -162,15 +153,10 @@ async def running(model: LocalModel) -> AsyncGenerator[Callable[[], Awaitable[st
         await engine.close()
 
 
-def model(path: Path) -> LocalModel:
-    """Return the model at `path`, as it was when it was checked."""
-    return LocalModel(NAME, path, hash_file(path), "chatml", n_ctx=512)
-
-
 async def test_a_file_that_is_swapped_between_the_check_and_the_load_is_not_loaded(
     source: Path, tmp_path: Path
 ) -> None:
-    checked = model(source)
+    checked = local_model(source)
     os.replace(write_tiny(tmp_path / "other.gguf", seed=1), source)
     async with running(checked) as ask:
         with pytest.raises(ModelUnavailableError, match=CHANGED):
@@ -182,7 +168,7 @@ async def test_an_adapter_that_is_swapped_is_not_loaded(source: Path, tmp_path: 
     path.write_bytes(b"as it was when it was checked")
     adapter = LocalAdapter("judge", path, hash_file(path))
     path.write_bytes(b"as it is when it is loaded")
-    async with running(replace(model(source), adapters=(adapter,))) as ask:
+    async with running(replace(local_model(source), adapters=(adapter,))) as ask:
         with pytest.raises(ModelUnavailableError, match=CHANGED):
             await ask()
 
@@ -190,8 +176,8 @@ async def test_an_adapter_that_is_swapped_is_not_loaded(source: Path, tmp_path: 
 async def test_weights_that_are_written_to_while_they_are_in_use_answer_no_more(
     source: Path,
 ) -> None:
-    async with running(model(source)) as ask:
-        assert len(await ask()) == 4
+    async with running(local_model(source)) as ask:
+        assert len(await ask()) == 6
         flip(source)
         for _ in range(2):
             with pytest.raises(ModelUnavailableError, match=CHANGED):
@@ -201,7 +187,7 @@ async def test_weights_that_are_written_to_while_they_are_in_use_answer_no_more(
 async def test_a_new_file_under_the_name_of_one_in_use_changes_nothing(
     source: Path, tmp_path: Path
 ) -> None:
-    async with running(model(source)) as ask:
+    async with running(local_model(source)) as ask:
         before = await ask()
         os.replace(write_tiny(tmp_path / "other.gguf", seed=1), source)
         assert await ask() == before

@@ -105,7 +105,7 @@ def test_of_a_session_that_was_closed_nothing_is_left() -> None:
 
 
 @given(st.lists(st.one_of(st.sampled_from(story()), events()), max_size=30))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_whatever_happened_no_mission_is_both_or_over(happened: list[ev.Event]) -> None:
     state = SessionState()
     for event in happened:

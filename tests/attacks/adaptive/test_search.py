@@ -11,8 +11,8 @@ from tests.attacks.adaptive import histories, words
 from tests.attacks.adaptive.histories import BOXED_IN, SEEDS, play
 from tests.attacks.stop_trial import checkpoint
 
-DISGUISES, HISTORIES = 500, 40
-"""Tries of each search: about half a minute of processor time together."""
+DISGUISES, HISTORIES = 300, 40
+"""Tries of each search: some twenty seconds of processor time together."""
 
 
 def nothing(*_read: object) -> tuple[()]:
