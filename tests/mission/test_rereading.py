@@ -1,17 +1,14 @@
 """Where the models are unsure of an order, the operator is offered what else it may mean."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from pa_console.language.canonical.reading import agree, distinct
 from pa_console.language.clause_grammar import exactly
 from pa_console.llm.backend import EngineDiedError
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission import readings as second_reader
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.events import event as ev
@@ -21,7 +18,7 @@ from pa_console.session.confidence import UNSURE
 from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
-from tests.scripted import Answer, ScriptedEngine, plan
+from tests.scripted import Answer, ScriptedEngine, judged, plan
 
 EAST = "asked: 1 drone to EastGate"
 NORTH = "asked: 1 drone to NorthGate"
@@ -40,21 +37,14 @@ def begun(asked: str) -> str:
     return f'{{"reason": "{asked}; {FREE}", "actions": ['
 
 
-def verdicts(asked: str) -> list[str]:
-    """Return what the judge says of a plan for what it reads: the beginning, then all of it."""
-    words = f"{asked}; planned: 1 drone; it fits"
-    whole = f'{{"feedback": {json.dumps(words)}, "violated": [], "verdict": "Success"}}'
-    return [f'{{"feedback": "{asked}; planned: ', whole]
-
-
 def engine(asked: Sequence[str], read: Sequence[str], sure: float) -> ScriptedEngine:
     """Return one whose planner plans for each of `asked`, and whose judge reads each of `read`."""
     plans = [answer(words) for words in asked]
-    said = [text for words in read for text in verdicts(words)]
+    said = [text for words in read for text in judged(words)]
     chances = [(plans[0].index("EastGate"), math.log(sure))]
     others = [begun(EAST), begun(NORTH), begun(SOUTH), begun(NORTH)]
     scripted = ScriptedEngine(plans, said, others, chances)
-    scripted.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
+    scripted.model = replace(scripted.model, prompts="compact")
     return scripted
 
 
@@ -219,7 +209,7 @@ TO_NORTH = "Send a drone to NorthGate."
 
 def reader(asked: Answer, sure: float) -> ScriptedEngine:
     """Return a trained second reader that says that so much was `asked`, and how sure it is."""
-    said = verdicts(asked)[0] if isinstance(asked, str) else asked
+    said = judged(asked)[0] if isinstance(asked, str) else asked
     scripted = ScriptedEngine([], [said], chances=[(0, math.log(sure))])
     scripted.model = replace(scripted.model, prompts="compact")
     return scripted
@@ -313,7 +303,7 @@ async def test_a_plan_for_want_of_a_place_replaces_none_that_serves_all_words(
 ) -> None:
     nowhere = "asked: 1 drone to unknown place"
     held = plan(("Drone_T04", "hold"), reason=f"{nowhere}; no such place (CAP-06), hold")
-    said = [words for asked in (EAST, nowhere) for words in verdicts(asked)]
+    said = [words for asked in (EAST, nowhere) for words in judged(asked)]
     chances = [(answer(EAST).index("EastGate"), math.log(0.05))]
     scripted = ScriptedEngine([answer(EAST), held], said, chances=chances)
     scripted.model = replace(scripted.model, prompts="compact")
