@@ -13,7 +13,6 @@ from pa_console.mission.approval import (
     OrderAsRead,
     inadmissible,
     request_approval,
-    standing_approver,
 )
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events import event as ev
@@ -24,7 +23,6 @@ from pa_console.schema.plan import Plan
 from pa_console.session.state import MissionTrace, SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock, SteppedClock
-from pa_console.station.headless import run_missions
 from tests.rig import MISSION, Rig
 from tests.scripted import FAILURE, ScriptedEngine, plan
 
@@ -99,16 +97,11 @@ async def test_without_judging_the_checks_alone_decide(rig: Rig, answer: str, st
     station = open_station(
         rig.site, engine.engine(), SteppedClock(), variant=Variant(judging=False)
     )
-    events: list[ev.Event] = []
-
-    def sink(event: ev.Event, _: SessionState) -> None:
-        events.append(event)
-
-    [trace] = await run_missions(station, [MISSION], standing_approver("auto"), sink)
+    [trace] = await rig.carry_out(station, [MISSION])
     assert trace.status == status, trace.reason
     assert {request.role for request in engine.requests} == {"planner"}
-    assert not {event.data.kind for event in events} & {"plan_judged", "outcome_judged"}
-    asked = [e.data for e in events if isinstance(e.data, ev.ApprovalRequested)]
+    assert not {*rig.kinds()} & {"plan_judged", "outcome_judged"}
+    asked = [e.data for e in rig.events if isinstance(e.data, ev.ApprovalRequested)]
     assert [bool(request.blocked_by) for request in asked] == [status == "refused"]
     assert not any(request.needs_override for request in asked)
 

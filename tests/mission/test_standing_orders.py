@@ -62,14 +62,7 @@ async def play(
 ) -> SessionState:
     """Give `text` and let some time pass."""
     engine = engine or ScriptedEngine([RELIEF])
-    station = rig.station(engine)
-
-    def sink(event: ev.Event, state: SessionState) -> None:
-        rig.events.append(event)
-        rig.state = state
-        on_event(event, station)
-
-    await run_missions(station, [text], approver, sink, duration_s=seconds)
+    await rig.carry_out(rig.station(engine), [text], approver, on_event, duration_s=seconds)
     return rig.state
 
 
@@ -321,21 +314,14 @@ async def test_the_log_tells_of_it_holds_and_comes_to_the_same_in_a_replay(
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
     station = rig.station(sure_engine(ASKED, RELIEF, "WestGate"))
     log = tmp_path / "one.jsonl"
-    live = SessionState()
-
-    def sink(event: ev.Event, state: SessionState) -> None:
-        nonlocal live
-        live = state
-        low_once_in_force(event, station)
-
     with LogWriter(log, station.session, signer=load_signer()) as writer:
         station.write_to(writer)
-        await run_missions(station, [ORDER], person, sink, duration_s=20.0)
+        await rig.carry_out(station, [ORDER], person, low_once_in_force, duration_s=20.0)
     assert verify(log).intact
     again, events = SessionState(), list(read_log(log))
     for event in events:
         again.apply(event)
-    assert again.standing == live.standing
+    assert again.standing == rig.state.standing
     assert again.standing["S1"].started == 1
     assert resimulate(events, rig.site.world).equal
 

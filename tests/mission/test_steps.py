@@ -10,7 +10,6 @@ import pytest
 
 from pa_console.fleets.fleet import Outlook
 from pa_console.fleets.simulated import ForeseenFleet, SimulatedFleet
-from pa_console.mission.approval import standing_approver
 from pa_console.mission.examine import Examination, examine
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
@@ -19,7 +18,6 @@ from pa_console.schema.mission import Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.state import SessionState
 from pa_console.station.assembly import Site
-from pa_console.station.headless import run_missions
 from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine
@@ -167,18 +165,13 @@ async def test_what_is_done_before_an_emergency_is_not_done_again(rig: Rig) -> N
     station = rig.station(engine, respond=True)
     verified = list[int]()
 
-    def sink(event: ev.Event, state: SessionState) -> None:
-        rig.events.append(event)
-        rig.state = state
-        match event.data:
-            case ev.MissionVerified(step=step) if step and not verified:
-                verified.append(step)
-                station.inject(hostile)
-            case _:
-                pass
+    def attack(event: ev.Event, station: ControlStation) -> None:
+        if isinstance(event.data, ev.MissionVerified) and event.data.step and not verified:
+            verified.append(event.data.step)
+            station.inject(hostile)
 
     text = f"{ORDER} After that send Robot_T02 to the checkpoint."
-    await run_missions(station, [text], standing_approver("auto"), sink)
+    await rig.carry_out(station, [text], on_event=attack)
     preempted = of_kind(rig, ev.MissionPreempted)
     sent = [sent.command.agent for sent in of_kind(rig, ev.CommandSent)]
     assert preempted
