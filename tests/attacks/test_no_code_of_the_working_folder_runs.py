@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import cache
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -229,16 +230,18 @@ STARTS = {
 POOLS = ("ProcessPoolExecutor", "LocalCluster", "multiprocessing")
 
 
-def sources() -> list[tuple[str, ast.Module]]:
-    """Return every other module of the product, parsed."""
+@cache
+def sources() -> tuple[tuple[str, str, ast.Module], ...]:
+    """Return every other module of the product: its name, its text, and it parsed."""
     files = [path for path in PRODUCT.rglob("*.py") if path != ONE_PLACE]
-    return [(str(path.relative_to(PRODUCT)), ast.parse(path.read_text("utf-8"))) for path in files]
+    texts = {str(path.relative_to(PRODUCT)): path.read_text("utf-8") for path in files}
+    return tuple((name, text, ast.parse(text)) for name, text in texts.items())
 
 
 def test_one_place_knows_how_this_python_is_started() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, tree in sources()
+        for name, _, tree in sources()
         for node in ast.walk(tree)
         if (isinstance(node, ast.Attribute) and node.attr == "executable")
         or (isinstance(node, ast.ImportFrom) and any(a.name == "executable" for a in node.names))
@@ -248,8 +251,7 @@ def test_one_place_knows_how_this_python_is_started() -> None:
 
 def test_every_child_has_a_folder_of_its_own() -> None:
     started, shells, pools = list[str](), list[str](), list[str]()
-    for name, tree in sources():
-        source = ast.unparse(tree)
+    for name, source, tree in sources():
         if any(pool in source for pool in POOLS) and "with isolated_workers()" not in source:
             pools.append(name)
         for call in ast.walk(tree):
