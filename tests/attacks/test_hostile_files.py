@@ -1,7 +1,7 @@
 """No file of an operator costs more than half a second and a hundred megabytes, whatever is in it.
 
-Times are printed by `python -m tests.attacks files`, which reads every file. Here memory and outcome
-are tested; of the kinds that share a reader of YAML, each is given a third of the tricks.
+Times are printed by `python -m tests.attacks files`, which reads every file. Here memory and the
+outcome are tested; of the kinds that share a reader of YAML, each is given a third of the tricks.
 """
 
 from itertools import count
