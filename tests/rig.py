@@ -42,6 +42,26 @@ class Rig:
             variant=self.variant,
         )
 
+    async def carry_out(
+        self,
+        station: ControlStation,
+        texts: Sequence[str],
+        approver: Approver | None = None,
+        on_event: Callable[[Event, ControlStation], None] = lambda _event, _station: None,
+        *,
+        setup: Sequence[Incident] = (),
+        duration_s: float = 0.0,
+    ) -> list[MissionTrace]:
+        """Run missions at `station` to their end; `on_event` may act on the station."""
+
+        def sink(event: Event, state: SessionState) -> None:
+            self.events.append(event)
+            self.state = state
+            on_event(event, station)
+
+        decide = approver or standing_approver("auto")
+        return await run_missions(station, texts, decide, sink, setup, duration_s)
+
     async def play(
         self,
         engine: ScriptedEngine,
@@ -51,14 +71,7 @@ class Rig:
     ) -> SessionState:
         """Play `scenario` to its end with alarms that start missions; return the state."""
         station = self.station(engine, scenario, respond=True)
-
-        def sink(event: Event, state: SessionState) -> None:
-            self.events.append(event)
-            self.state = state
-            on_event(event, station)
-
-        decide = approver or standing_approver("auto")
-        await run_missions(station, [], decide, sink, duration_s=scenario.duration_s)
+        await self.carry_out(station, [], approver, on_event, duration_s=scenario.duration_s)
         return self.state
 
     async def run(
@@ -69,16 +82,9 @@ class Rig:
         text: str = MISSION,
         on_event: Callable[[Event, ControlStation], None] = lambda _event, _station: None,
     ) -> MissionTrace:
-        """Run one mission to its end; `on_event` may act on the station."""
+        """Run one mission to its end."""
         station = self.station(engine)
-
-        def sink(event: Event, state: SessionState) -> None:
-            self.events.append(event)
-            self.state = state
-            on_event(event, station)
-
-        decide = approver or standing_approver("auto")
-        return (await run_missions(station, [text], decide, sink, setup))[0]
+        return (await self.carry_out(station, [text], approver, on_event, setup=setup))[0]
 
     def kinds(self) -> list[str]:
         """Return the kinds of all events, in order."""

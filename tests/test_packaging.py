@@ -16,6 +16,7 @@ import yaml
 from packaging.requirements import Requirement
 
 import pa_console
+from pa_console import resources
 from pa_console.llm.models.catalogue import Catalog
 
 ROOT = Path(pa_console.__file__).parents[1]
@@ -196,3 +197,21 @@ def test_a_commit_is_checked_by_what_make_lint_runs() -> None:
     hooks = [hook for repository in config["repos"] for hook in repository["hooks"]]
     entries = {hook["entry"].removeprefix(".venv/bin/") for hook in hooks}
     assert entries == set(re.findall(r"^\t@\$\(BIN\)/(.+)$", recipe, re.MULTILINE))
+
+
+@pytest.mark.parametrize(
+    ("package", "prefix", "hint"),
+    [
+        ("src/pa_console", "src/.venv", ".venv/bin/pip install --editable '.[mcap]'"),
+        ("lib/pa_console", "pipx/venvs/pa-console", "pipx runpip pa-console install "),
+        ("lib/pa_console", "venv", "pip install 'pa-console[mcap]'"),
+    ],
+)
+def test_the_command_fits_a_clone_pipx_and_pip(
+    package: str, prefix: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "pyproject.toml").touch()
+    monkeypatch.setattr(resources, "_PACKAGE", tmp_path / package)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / prefix))
+    assert resources.install_hint("mcap").startswith(hint)

@@ -1,8 +1,6 @@
 """What `import pa_console as pa` gives: its names, and the programs that the manual shows."""
 
 import asyncio
-import json
-import math
 import re
 import subprocess
 import sys
@@ -15,10 +13,10 @@ import pytest
 import pa_console as pa
 from pa_console.api.station import STANDING_CONFIDENCE
 from pa_console.llm.backend import EngineError
-from pa_console.llm.models.catalogue import Catalog, LocalModel
+from pa_console.llm.models.catalogue import Catalog
 from pa_console.schema.incident import FailAsset
 from pa_console.settings.schema import Settings
-from tests.scripted import SUCCESS, ScriptedEngine, plan
+from tests.scripted import SUCCESS, ScriptedEngine, plan, sure_engine
 
 ROOT = Path(pa.__file__).parents[1]
 PAGE = ROOT / "pa_console" / "manual" / "python-api.md"
@@ -32,18 +30,6 @@ SPARE = plan(("Drone_T04", "move_to EastGate"), reason=f"{ASKED}; Free drone: Dr
 STRIPS = plan(("Drone_T02", "move_to EastGate"), reason="it leaves the North Gate alone")
 
 
-def sure_engine() -> ScriptedEngine:
-    """Return one that sends the spare drone to the East Gate and has no doubt of the order."""
-    fits = json.dumps(f"{ASKED}; planned: 1 drone; it fits")
-    verdicts = [
-        f'{{"feedback": "{ASKED}; planned: ',
-        f'{{"feedback": {fits}, "violated": [], "verdict": "Success"}}',
-    ]
-    engine = ScriptedEngine([SPARE], verdicts, chances=[(SPARE.index("EastGate"), math.log(0.95))])
-    engine.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
-    return engine
-
-
 def run_program(program: str) -> None:
     """Run a program as it stands."""
     exec(compile(program, "<program>", "exec"), {"__name__": "__main__"})
@@ -54,7 +40,8 @@ def scripted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """Let stations ask a scripted model, and write their log to the file that is returned."""
     monkeypatch.chdir(tmp_path)
     log = tmp_path / "session.jsonl"
-    answered = partial(pa.open_station, engine=sure_engine().engine(), log=log)
+    engine = sure_engine(ASKED, SPARE, "EastGate").engine()
+    answered = partial(pa.open_station, engine=engine, log=log)
     monkeypatch.setattr(pa, "open_station", answered)
     return log
 

@@ -16,6 +16,21 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from types import ModuleType
 from typing import NamedTuple
 
+MODULES = (
+    "pa_console.private_files",
+    "pa_console.signing",
+    "pa_console.session.log.chain",
+    "pa_console.session.log.writer",
+    "pa_console.session.log.session_index",
+    "pa_console.session.log.signed_head",
+    "pa_console.mission.gate",
+    "pa_console.mission.execute",
+    "pa_console.mission.decide",
+    "pa_console.mission.stop",
+    "pa_console.fleets.key_folder",
+)
+"""The modules between an event and a command, and those that write keys."""
+
 CALLED = "_line_is_reached_"
 STATEMENTS = ("body", "orelse", "finalbody")
 
@@ -112,7 +127,7 @@ class _Finder(MetaPathFinder):
         return spec
 
 
-def instrument(modules: Sequence[str]) -> None:
+def instrument(modules: Sequence[str] = MODULES) -> None:
     """Count the lines of `modules`, which must not be imported yet."""
     early = [name for name in modules if name in sys.modules]
     if early:

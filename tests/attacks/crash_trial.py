@@ -8,11 +8,11 @@ session goes on in a new process as a console resumes it, until one of them ends
 import asyncio
 import json
 import os
+import tempfile
 from collections import Counter
 from collections.abc import Callable
 from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any, cast
@@ -31,7 +31,7 @@ from pa_console.session.log.writer import LogWriter, open_session_log
 from pa_console.session.past_sessions import summarise
 from pa_console.session.state import SessionState, begun_missions
 from pa_console.signing import KEY_VARIABLE, SigningError, known_keys, load_signer
-from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.assembly import open_station
 from pa_console.station.earlier_session import (
     NotResumableError,
     find_unclosed,
@@ -39,7 +39,7 @@ from pa_console.station.earlier_session import (
 )
 from pa_console.station.station import ControlStation
 from tests.attacks.crash_lines import REACHED, Line, die_at
-from tests.attacks.stop_trial import LiveClock
+from tests.attacks.stop_trial import LiveClock, checkpoint
 from tests.scripted import ScriptedEngine, plan
 
 ORDERS = (
@@ -52,12 +52,6 @@ LOGS, KEY, KEYS = "logs", "key.pem", "site-keys"
 MOST_LIVES = 3
 AGAIN = 0.3
 """How often a session that goes on is killed once more."""
-
-
-@cache
-def checkpoint() -> Site:
-    """Return the checkpoint with its rules."""
-    return load_site("checkpoint", "checkpoint")
 
 
 class Wire:
@@ -464,3 +458,29 @@ class KeysTrial:
                 self._problem(", ".join(interrupted), f"the key of {name} is not the roster's")
         if in_force & trust.revoked:
             self._problem(", ".join(interrupted), "a key of the roster is revoked")
+
+
+def campaign(count: int, seed: int) -> tuple[list[str], list[str]]:
+    """Kill so many sessions and changes of keys; return what came of them and what was amiss.
+
+    A quarter of the trials changes keys; in a fifth of the sessions power fails.
+    """
+    checkpoint()
+    sessions, keys = Found(), Found()
+    with tempfile.TemporaryDirectory() as name:
+        whole = Path(name)
+        in_session = counted(SessionTrial(whole / "counted", seed).live)
+        in_keys = counted(KeysTrial(whole / "counted", seed).live)
+        for number in range(seed, seed + count):
+            folder = whole / str(number)
+            folder.mkdir()
+            if number % 4 == 0:
+                keys.add(KeysTrial(folder, number).run(in_keys))
+            else:
+                trial = SessionTrial(folder, number, power=number % 5 == 0)
+                sessions.add(trial.run(in_session))
+    told = [
+        f"sessions: {sessions.summary()}; {len(in_session)} lines can be reached",
+        f"keys: {keys.summary()}; {len(in_keys)} lines can be reached",
+    ]
+    return told, [*sessions.problems, *keys.problems]

@@ -1,13 +1,8 @@
-"""Rule files that are made to crash, freeze or fill the console: nine kinds, any number of each.
-
-`python -m tests.attacks.hostile_rules` loads 50 of each kind, decides a plan by those that can be
-loaded, and prints for each kind how many were refused, and the most processor time and memory.
-"""
+"""Rule files that are made to crash, freeze or fill the console: nine kinds, any number of each."""
 
 import json
 import random
 import resource
-import tempfile
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -18,8 +13,7 @@ from typing import Any
 from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.document import DocumentError
-from tests.policy.large import large_plan, large_rehearsal, large_world
-from tests.policy.test_large import MISSION
+from tests.policy.test_large import MISSION, large_plan, large_rehearsal, large_world
 
 Check = Callable[[random.Random], str]
 
@@ -192,24 +186,3 @@ def measure_apart(path: Path) -> dict[str, Any]:
 
 def _measure_into(told: Connection, path: Path) -> None:
     told.send(measure(path))
-
-
-def main() -> None:
-    """Print one line for each kind."""
-    print(f"{'kind':14} refused died errors  load s  decide s  MB (most of each)")
-    with tempfile.TemporaryDirectory() as folder:
-        for kind in KINDS:
-            found = [measure_apart(write_hostile(Path(folder), kind, n)) for n in range(50)]
-            lived = [one for one in found if one["exit"] == 0]
-            print(
-                f"{kind:14} {sum(bool(one['problem']) for one in lived):7} "
-                f"{len(found) - len(lived):4} {sum(one['errors'] > 0 for one in lived):6} "
-                f"{max(one['load_s'] for one in lived):7.2f} "
-                f"{max(one['decide_s'] for one in lived):9.2f} "
-                f"{max(one['grown_mb'] for one in lived):5.0f}",
-                flush=True,
-            )
-
-
-if __name__ == "__main__":
-    main()

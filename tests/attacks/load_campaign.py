@@ -1,11 +1,10 @@
-"""`python -m tests.attacks.load_campaign --stops 200`: STOP over HTTP while strangers load it.
+"""STOP over HTTP while strangers load the port.
 
 The service is a process with a simulated team; so are the strangers. Measured is the time from a
 client's first attempt until its stop is answered, connections that were turned away included, and
 what the log says of the holds.
 """
 
-import argparse
 import asyncio
 import re
 import subprocess
@@ -142,39 +141,26 @@ def loaded(load: str, served: Served) -> Generator[None]:
         strangers.wait()
 
 
-def campaign(stops: int, seed: int, loads: tuple[str, ...] = LOADS) -> list[Stopped]:
-    """Stop everything `stops` times under each load; return what came of them."""
+def campaign(count: int, seed: int) -> tuple[list[str], list[str]]:
+    """Stop everything `count` times under each load; return what came of it and what was amiss."""
     random, found = Random(seed), list[Stopped]()
 
     async def press(under: Stopped) -> None:
-        for _ in range(stops):
+        for _ in range(count):
             await asyncio.sleep(random.uniform(0.0, 0.1))
             await served.stop(under)
 
     with tempfile.TemporaryDirectory() as name:
         served = Served(Path(name))
         try:
-            for load in loads:
+            for load in LOADS:
                 found.append(Stopped(load))
                 with loaded(load, served):
                     asyncio.run(press(found[-1]))
-                asyncio.run(served.logged(stops * len(found)))
-                served.look(found[-1], stops)
+                asyncio.run(served.logged(count * len(found)))
+                served.look(found[-1], count)
         finally:
             served.outside.close()
-    return found
-
-
-def main() -> None:
-    """Print what came of the stops under each load."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--stops", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--loads", nargs="*", choices=LOADS, default=LOADS)
-    given = parser.parse_args()
-    for found in campaign(given.stops, given.seed, tuple(given.loads)):
-        print(found.summary())
-
-
-if __name__ == "__main__":
-    main()
+    whole = [len(one.answered_ms) == len(one.held_ms) == count and not one.short for one in found]
+    amiss = [one.load for one, sound in zip(found, whole, strict=True) if not sound]
+    return [one.summary() for one in found], amiss

@@ -1,8 +1,4 @@
-"""Orders of writers with their true readings, and wrong readings of them.
-
-`python -m tests.attacks.readings` says how often the mention check objects to a right reading, and
-how often it notices a wrong one, over the orders of writers whom no model was trained on.
-"""
+"""Orders of writers with their true readings, and wrong readings of them."""
 
 import random
 import re
@@ -18,7 +14,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 from pa_console.station.assembly import load_site
 from pa_training.teacher.teacher import teach
-from tests.written import SITUATIONS, given
+from tests.written import given
 
 _UNLAWFUL = re.compile(
     r"use force|without identification|without warning|with noncombatants|set rules aside"
@@ -113,13 +109,3 @@ def measure(situations: int) -> Rates:
             found = check_mentions(one.world, one.picture, one.text, said, nothing)
             noticed[sort] += bool(found.gaps)
     return Rates(alarms, right, noticed, tried)
-
-
-if __name__ == "__main__":
-    rates = measure(SITUATIONS)
-    share = rates.alarms / rates.right
-    print(f"false alarms {rates.alarms} of {rates.right}, {share:.1%}")
-    for sort, count in sorted(rates.tried.items()):
-        print(f"  {sort}: {rates.noticed[sort]} of {count}, {rates.noticed[sort] / count:.1%}")
-    whole = rates.noticed.total() / rates.tried.total()
-    print(f"  all: {rates.noticed.total()} of {rates.tried.total()}, {whole:.1%}")

@@ -8,6 +8,7 @@ import asyncio
 import random
 from collections import Counter
 from collections.abc import AsyncGenerator, Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import aclosing, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -39,6 +40,8 @@ AFTER_TICKS = 80
 """So long is looked at what happens after a stop: 8 simulated seconds."""
 
 LATEST_TICK = 120
+CHUNK = 10
+"""So many trials one process makes before it takes up others."""
 STILL = ("hold", "report")
 
 RELIEF = plan(("Drone_T01", "move_to EastGate"), ("Drone_T04", "move_to WestGate"))
@@ -86,19 +89,10 @@ class Trial:
     before: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
     after: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
     events: list[ev.Event] = field(default_factory=list[ev.Event])
-    under_way: int = 0
-    """Assets that were moving when everything was stopped."""
     started_after: list[str] = field(default_factory=list[str])
     """Missions that began or arrived after the stop."""
     held_s: list[float] = field(default_factory=list[float])
     """Seconds from each order to stop to the last of its holds on the link."""
-
-    @property
-    def went_on(self) -> set[str]:
-        """Which of TOLD had happened before the stop."""
-        kinds = [event.data.kind for event in self.events]
-        end = kinds.index("all_stopped") if "all_stopped" in kinds else len(kinds)
-        return {kind for kind in TOLD if kind in kinds[:end]}
 
     @property
     def moved_after(self) -> list[str]:
@@ -326,8 +320,6 @@ class _Drive:
             return
         if not self._ordered:
             self._ordered = perf_counter()
-        moving = (asset.speed_mps > 0 for asset in self._sim.picture().assets.values())
-        self._trial.under_way = sum(moving)
         self._stopped_tick = self._sim.tick
         self._again_tick += self._stopped_tick if self._again_tick else 0
         self._station.stop_all()
@@ -346,74 +338,45 @@ class _Drive:
             self._rng.choice(acts)()
 
 
-TOLD = ("plan_halted", "mission_preempted", "workflow_moved", "command_resent", "mission_finished")
-"""What may have gone on before a stop, by the kind of its event."""
-
-
 @dataclass
 class Tally:
     """What many trials came to."""
 
     trials: int = 0
-    kinds: Counter[str] = field(default_factory=Counter[str])
-    moving: int = 0
-    went_on: Counter[str] = field(default_factory=Counter[str])
-    """Trials in which each of TOLD had happened before the stop."""
-    before: Counter[str] = field(default_factory=Counter[str])
-    after: Counter[str] = field(default_factory=Counter[str])
+    held: int = 0
+    """Holds that left after a stop."""
     moved_after: Counter[str] = field(default_factory=Counter[str])
     undecided: Counter[str] = field(default_factory=Counter[str])
-    refused: int = 0
     started_after: int = 0
-    worst: list[int] = field(default_factory=list[int])
+    amiss: list[int] = field(default_factory=list[int])
     """Seeds of trials in which something left that must not."""
     held_s: list[float] = field(default_factory=list[float])
 
     def take(self, seed: int, trial: Trial) -> None:
         """Add one trial."""
         self.trials += 1
-        self.kinds[trial.kind] += 1
-        self.moving += trial.under_way > 0
-        self.went_on.update(trial.went_on)
-        self.before.update(command.verb for command in trial.before)
-        self.after.update(command.verb for command in trial.after)
+        self.held += sum(command.verb == "hold" for command in trial.after)
         self.moved_after.update(trial.moved_after)
         self.undecided.update(trial.undecided)
-        self.refused += sum(event.data.kind == "command_refused" for event in trial.events)
         self.started_after += len(trial.started_after)
         self.held_s += trial.held_s
         if trial.moved_after or trial.undecided or trial.started_after:
-            self.worst.append(seed)
+            self.amiss.append(seed)
 
     def add(self, other: "Tally") -> None:
         """Add the trials of another process."""
-        for name in ("kinds", "went_on", "before", "after", "moved_after", "undecided"):
-            getattr(self, name).update(getattr(other, name))
-        for name in ("trials", "moving", "refused", "started_after", "worst", "held_s"):
+        for name in ("trials", "held", "moved_after", "undecided", "started_after", "amiss",
+                     "held_s"):  # fmt: skip
             setattr(self, name, getattr(self, name) + getattr(other, name))
 
     def summary(self) -> str:
         """Return everything in words."""
-        times = sorted(self.held_s)
-
-        def at(share: float) -> str:
-            return f"{1000 * times[min(int(share * len(times)), len(times) - 1)]:.2f} ms"
-
-        return "\n".join(
-            (
-                f"{self.trials} missions stopped: {dict(self.kinds)}",
-                f"an asset was moving at the stop in {self.moving}",
-                f"missions in which this had gone on before: {dict(self.went_on)}",
-                f"commands before the stop by verb: {dict(self.before)}",
-                f"commands after the stop by verb: {dict(self.after)}",
-                f"of those, what moves an asset: {dict(self.moved_after.most_common(8))}",
-                f"commands that nobody decided: {dict(self.undecided.most_common(8))}",
-                f"kept back at the gate: {self.refused}",
-                f"missions that arrived or began after the stop: {self.started_after}",
-                f"seeds with something amiss: {self.worst[:20]} ({len(self.worst)})",
-                f"from the order to stop to the last hold: p50 {at(0.5)}, p99 {at(0.99)}, "
-                f"most {at(1.0)}",
-            )
+        return (
+            f"{self.trials} missions stopped; commands that move an asset after the stop: "
+            f"{dict(self.moved_after)}; that nobody decided: {dict(self.undecided)}; missions that "
+            f"arrived or began after the stop: {self.started_after}; seeds with something amiss: "
+            f"{self.amiss[:20]}; from the order to stop to the last hold at most "
+            f"{1000 * max(self.held_s, default=0.0):.2f} ms"
         )
 
 
@@ -423,3 +386,16 @@ async def stops(first: int, count: int) -> Tally:
     for seed in range(first, first + count):
         tally.take(seed, await stop_at_random(seed))
     return tally
+
+
+def _chunk(first: int) -> Tally:
+    return asyncio.run(stops(first, CHUNK))
+
+
+def campaign(count: int, seed: int) -> tuple[list[str], list[str]]:
+    """Stop so many missions, on all cores; return what came of them and what was amiss."""
+    tally = Tally()
+    with ProcessPoolExecutor() as pool:
+        for part in pool.map(_chunk, range(seed, seed + count, CHUNK)):
+            tally.add(part)
+    return [tally.summary()], [f"seed {number}" for number in tally.amiss]

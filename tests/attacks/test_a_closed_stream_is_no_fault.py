@@ -8,47 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.cli.sessions import mission as mission_session
-from pa_console.cli.sessions import opening
-from pa_console.llm.models.catalogue import LocalModel
-from pa_console.signing import KEY_VARIABLE
 from pa_console.station.assembly import load_site
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.cli.test_replay_verb import record
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import ScriptedEngine
 
 RUN = "from pa_console.cli.main import main; main()"
 CLOSED = {"in": "<&-", "out": ">&-", "all": "<&- >&- 2>&-"}
 
 
 @pytest.fixture(autouse=True)
-def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return what runs a verb in this process, whose standard input is closed."""
+def _closed_input(engine: ScriptedEngine, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
     for name in ("stdin", "__stdin__"):
         monkeypatch.setattr(sys, name, None)
-    return caller(monkeypatch, capsys)
-
-
-@pytest.fixture(autouse=True)
-def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
-    """Put a scripted LLM in the place of the real one."""
-    scripted = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
-
-    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
-        return scripted.model
-
-    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
-        return scripted
-
-    for verb in (mission_session, opening):
-        monkeypatch.setattr(verb, "find_model", find_model)
-        monkeypatch.setattr(verb, "Engine", new_engine)
-    return scripted
 
 
 def test_a_mission_that_nobody_can_approve_is_rejected(call: Call, tmp_path: Path) -> None:

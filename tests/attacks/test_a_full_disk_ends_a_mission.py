@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from pa_console.session.log.verification import verify
-from pa_console.signing import KEY_VARIABLE
 
 PROBE = """
 import resource, sys
@@ -29,23 +28,13 @@ main()
 
 @pytest.mark.skipif(not hasattr(resource, "RLIMIT_FSIZE"), reason="no limit on files here")
 @pytest.mark.parametrize("size", [3_000, 12_000, 30_000, 50_000, 60_000])
-def test_a_log_without_room_ends_the_session(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
-) -> None:
+def test_a_log_without_room_ends_the_session(tmp_path: Path, size: int) -> None:
     """It has a red line on stderr and in the document of --json, and nothing counts as done."""
     log = tmp_path / "s.jsonl"
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "k" / "key.pem"))
-    words = [
-        "--set",
-        "standing_confidence=0",
-        "mission",
-        "Fill the gap at EastGate.",
-        "--approve",
-        "auto",
-        "--json",
-        "--log",
-        str(log),
-    ]
+    words = (
+        *("--set", "standing_confidence=0", "mission", "Fill the gap at EastGate."),
+        *("--approve", "auto", "--json", "--log", str(log)),
+    )
     done = subprocess.run(
         [sys.executable, "-c", PROBE, str(size), *words],
         capture_output=True,

@@ -21,9 +21,9 @@ from pa_console.session.log.signed_head import (
 )
 from pa_console.session.log.verification import verify
 from pa_console.session.log.writer import LogWriter
-from pa_console.signing import KEY_VARIABLE, load_signer
+from pa_console.signing import load_signer
 from pa_console.station.station import ControlStation
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.rig import Rig, rig, site
 from tests.scripted import ScriptedEngine, plan
 from tests.session.story import at, story, telemetry
@@ -126,11 +126,7 @@ def test_heads_of_other_keys_and_sessions_and_rubbish_say_nothing(tmp_path: Path
     assert "no head of session “S1”" in held(log, witness).problem
 
 
-def test_verify_names_the_first_head_that_is_gone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key.pem"))
-    call: Call = caller(monkeypatch, capsys)
+def test_verify_names_the_first_head_that_is_gone(tmp_path: Path, call: Call) -> None:
     log, witness = tmp_path / "s.jsonl", tmp_path / "w" / "heads"
     signer = load_signer()
     with LogWriter(log, "S1", signer=signer, witness=Witness(str(witness))) as writer:

@@ -4,38 +4,28 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import aclosing
 from dataclasses import replace
 from pathlib import Path
 
 import gguf
 import pytest
 
-from pa_console.llm.backend import EngineDiedError, EngineError, ModelUnavailableError, Request
+from pa_console.llm.backend import EngineDiedError, EngineError, ModelUnavailableError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import gguf_bounds
 from pa_console.llm.models.cache import hash_file
-from pa_console.llm.models.catalogue import LocalAdapter, LocalModel
+from pa_console.llm.models.catalogue import LocalAdapter
 from pa_console.llm.models.gguf_bounds import check_gguf
 from pa_console.resources import data_folder
 from tests.attacks.mutated_weights import write_adapter
+from tests.llm.asking import answer, local_model
 from tests.training.adapters.tiny import ARCHITECTURES, write_tiny
 
-ASK = Request(
-    role="planner",
-    system="You are a planner.",
-    user="Where is the gate?",
-    grammar="start: /[a-z]{4}/",
-    max_tokens=8,
-    deadline_s=300,
-)
 
-
-def test_500_damaged_files_are_refused_or_harmless() -> None:
-    command = (sys.executable, "-m", "tests.attacks.mutated_weights", "--files", "500")
+def test_300_damaged_files_are_refused_or_harmless() -> None:
+    command = (sys.executable, "-m", "tests.attacks", "weights", "--count", "300")
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert "500 files, seed 0: 0 hits" in ended.stdout
     assert "model loaded" in ended.stdout, "some damage does no harm: llama.cpp was reached"
 
 
@@ -92,15 +82,10 @@ def test_the_error_names_the_file_and_the_number_that_is_wrong(
 
 async def error_of(engine: Engine) -> EngineError:
     """Return the error with which a request ends."""
-    try:
-        async with aclosing(engine.generate(ASK)) as items:
-            async for _ in items:
-                pass
-    except EngineError as error:
-        return error
-    finally:
-        await engine.close()
-    raise AssertionError("no error came")
+    with pytest.raises(EngineError) as error:
+        await answer(engine)
+    await engine.close()
+    return error.value
 
 
 def cut(path: Path) -> Path:
@@ -115,7 +100,7 @@ async def test_a_damaged_file_makes_the_model_unavailable_in_clear_words(
 ) -> None:
     whole = write_tiny(tmp_path / "whole.gguf")
     damaged = cut(write(tmp_path / "damaged.gguf"))
-    model = LocalModel("tiny", whole, hash_file(whole), "chatml", n_ctx=512)
+    model = local_model(whole)
     if write is write_tiny:
         model = replace(model, path=damaged, sha256=hash_file(damaged))
     else:
@@ -131,6 +116,6 @@ async def test_a_process_that_dies_while_it_loads_names_the_file(
 ) -> None:
     monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", "import os; os.abort()"))
     whole = write_tiny(tmp_path / "whole.gguf")
-    error = await error_of(Engine(LocalModel("tiny", whole, hash_file(whole), "chatml")))
+    error = await error_of(Engine(local_model(whole)))
     assert isinstance(error, EngineDiedError)
     assert str(whole) in str(error)

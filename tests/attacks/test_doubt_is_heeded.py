@@ -1,9 +1,8 @@
 """Standing approval takes nothing that may have been misread, however green the judge is."""
 
-import json
 import math
 from collections.abc import AsyncGenerator, Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -23,9 +22,8 @@ from pa_console.schema.finding import Verdict
 from pa_console.schema.plan import Plan
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
 from pa_console.session.mission_trace import Attempt
-from pa_console.signing import KEY_VARIABLE
-from tests.cli.inside import Call, caller
-from tests.scripted import ScriptedEngine, plan
+from tests.cli.inside import Call
+from tests.scripted import ScriptedEngine, judged, plan
 
 pytestmark = pytest.mark.invariant
 
@@ -40,17 +38,15 @@ class Readers(ScriptedEngine):
         self,
         asked: str,
         *orders: tuple[str, str],
-        judged: str = "",
+        reads: str = "",
         sure: float = 0.99,
         judge: float = 0.99,
     ) -> None:
-        """Let the planner read `asked`, and the judge `judged`, or the same, and say Success."""
+        """Let the planner read `asked`, and the judge `reads`, or the same, and say Success."""
         answer = plan(*orders, reason=f"asked: {asked}; Free drone: Drone_T04")
-        words = f"asked: {judged or asked}; planned: it; it fits"
-        opening = f'{{"feedback": "{words.partition("planned: ")[0]}planned: '
-        verdict = f'{{"feedback": {json.dumps(words)}, "violated": [], "verdict": "Success"}}'
+        opening, verdict = judged(f"asked: {reads or asked}")
         self._answers = {"planner": [answer], "judge": [opening, verdict]}
-        self.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
+        self.model = replace(self.model, prompts="compact")
         self._told = {"planner": (answer, sure), "judge": (opening, judge)}
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
@@ -59,11 +55,6 @@ class Readers(ScriptedEngine):
         self._chances = () if self.mute else ((text.find("asked: ") + 1, math.log(sure)),)
         async for piece in super().generate(request):
             yield piece
-
-
-@pytest.fixture(autouse=True)
-def _a_key_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
 
 
 @pytest.fixture
@@ -86,9 +77,8 @@ Auto = Callable[..., tuple[int, dict[str, Any]]]
 
 
 @pytest.fixture
-def auto(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Auto:
+def auto(call: Call) -> Auto:
     """Return what gives a mission under standing approval: its exit code and what became of it."""
-    call: Call = caller(monkeypatch, capsys)
 
     def give(text: str) -> tuple[int, dict[str, Any]]:
         done = call("mission", text, "--approve", "auto", "--json")
@@ -153,7 +143,7 @@ def test_a_judge_that_reads_something_else_and_says_success_anyway_is_no_witness
     auto: Auto, models: Readers
 ) -> None:
     order = ("Drone_T04", "move_to EastGate")
-    models.read("1 drone to EastGate", order, judged="1 drone to NorthGate")
+    models.read("1 drone to EastGate", order, reads="1 drone to NorthGate")
     code, done = auto("Send one drone to the east gate.")
     assert (code, done["commands"]) == (5, {}), "it may be chosen between the readings"
     assert "another reader reads the order otherwise" in done["reason"]

@@ -7,13 +7,15 @@ hold by itself. Session logs hold the true text.
 import io
 import json
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 from rich.markdown import Markdown
 from rich.panel import Panel
 from rich.table import Table
@@ -30,13 +32,60 @@ from pa_console.schema.text import obeyed, visible, visible_json
 from pa_console.session.recording import Player
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.app import ConsoleApp
-from tests.attacks.hostile_text import PAYLOAD, PIECES, hostile, raw
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.evaluation.records import made_record
 from tests.session.logs import write_log
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, console, settle
 from tests.tui.story import stamped
+
+PIECES = (
+    "\x1b]52;c;aGk=\x07", "\x1b[31;5m", "\x1bPq\x1b\\", "\x9b31m", "\x9d52;c;aGk=\x9c",
+    "\x85", "\r", "\x08", "\x0c", "\x7f", "\x00", "\u061c", "\u200b", "\u200d", "\u200e", "\u2028",
+    "\u202e", "\u2060", "\u2066", "\ufeff", "\u00ad", "\U000e0041", "\U000e007f",
+)  # fmt: skip
+PAYLOAD = "".join(PIECES) + "[/x][bold red]]"
+_OWN = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+"""What the terminal library writes by itself."""
+_RAW = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff"
+    "\U000e0000-\U000e007f\ud800-\udfff]"
+)
+
+
+def raw(written: str) -> list[str]:
+    """Return what of the payload, or of anything like it, stands in what was written."""
+    found = [piece for piece in PIECES if piece in written]
+    return found + [ascii(match) for match in _RAW.findall(_OWN.sub("", written))]
+
+
+def hostile(events: Iterable[Event]) -> list[Event]:
+    """Return the events with the payload after every text that may be any text."""
+    return [_hostile_event(event) for event in events]
+
+
+def _hostile_event(event: Event) -> Event:
+    document = event.model_dump(mode="json")
+    for place, key in list(_texts(document["data"])):
+        before = place[key]
+        place[key] = before + PAYLOAD
+        try:
+            Event.model_validate(document, strict=False)
+        except ValidationError:
+            place[key] = before
+    return Event.model_validate(document, strict=False)
+
+
+def _texts(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield where every text stands but ids and what events are told apart by."""
+    keys = cast(dict[str, Any], value) if isinstance(value, dict) else range(len(value))
+    for key in list[Any](keys):
+        if isinstance(value[key], str):
+            if key not in ("kind", "session", "id", "mission_id", "rule_id", "world", "rules"):
+                yield value, key
+        elif isinstance(value[key], dict | list):
+            yield from _texts(value[key])
+
 
 pytestmark = pytest.mark.long
 
@@ -70,14 +119,14 @@ RULES: dict[str, Any] = {
 
 
 @pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+def call(call: Call, monkeypatch: pytest.MonkeyPatch) -> Call:
     """Return what runs a verb in this process, with the loader's own gate open."""
 
     def nothing(text: str) -> str:
         return text[:0]
 
     monkeypatch.setattr(document, "obeyed", nothing)
-    return caller(monkeypatch, capsys)
+    return call
 
 
 @pytest.fixture
@@ -171,7 +220,6 @@ def test_the_log_keeps_the_true_text(log: str) -> None:
         ["settings", "show", "--json"],
         ["models", "list"],
         ["models", "list", "--json"],
-        ["doctor"],
         ["doctor", "--json"],
         ["mission", MISSION, "--rules", "RULES", "--model", "/no\x1b[5m"],
         ["no\x1b[5m verb [/x]\u202e"],

@@ -9,14 +9,8 @@ from pa_console.session.log.session_index import INDEX_NAME
 from pa_console.session.log.signed_head import head_path, read_head
 from pa_console.session.log.verification import verify
 from pa_console.signing import KEY_VARIABLE, load_signer
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.session.tamper import write_signed
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return what runs a verb in this process."""
-    return caller(monkeypatch, capsys)
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """No file of an operator costs more than half a second and a hundred megabytes, whatever is in it.
 
-Times are told by `python -m tests.attacks.read_hostile`; here it is memory and the outcome.
+Times are printed by `python -m tests.attacks files`, which reads every file. Here memory and the
+outcome are tested; of the kinds that share a reader of YAML, each is given a third of the tricks.
 """
 
 from itertools import count
@@ -41,12 +42,9 @@ workflows:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_hostile_file_is_read_or_refused_within_its_limits(kind: str) -> None:
-    found = list(costs(kind))
-    assert len(found) >= 50
-    wrong = [cost for cost in found if cost.outcome not in ("read", "refused")]
-    assert not wrong
-    assert not [cost for cost in found if cost.grown_mb > 100]
-    assert not [cost for cost in found if cost.outcome == "refused" and "\x1b" in cost.error]
+    found = list(costs(kind, every=1 if kind in ("rules", "signature") else 3))
+    assert len(found) > 15
+    assert not [cost for cost in found if cost.amiss]
 
 
 @pytest.mark.parametrize("kind", ["rules", "world", "scenario", "missions", "settings", "event"])

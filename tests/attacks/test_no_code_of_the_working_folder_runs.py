@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import aclosing
+from functools import cache
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,17 +19,18 @@ import pa_console
 from pa_console.child_processes import isolated_workers
 from pa_console.cli.sessions import web
 from pa_console.evaluation.dask_sweep import Workers, cluster
-from pa_console.llm.backend import GenerationEnd, PullError, Request
+from pa_console.llm.backend import PullError
 from pa_console.llm.local.confinement import try_out
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models import fetching
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file, silent
-from pa_console.llm.models.catalogue import HubSource, LocalModel, PackageSource
+from pa_console.llm.models.catalogue import HubSource, PackageSource
 from pa_console.llm.models.preparing import Preparation, prepare
 from pa_console.signing import KEY_VARIABLE
 from pa_console.tui.terminal import edit_outside, editor_command
-from tests.cli.inside import caller
+from tests.cli.inside import Call
 from tests.cli.test_serve_web import served
+from tests.llm.asking import answer, tiny_model
 from tests.training.adapters.tiny import write_tiny
 
 PACKAGES = ("pip", "pa_console", "multiprocessing", "distributed", "numpy")
@@ -85,20 +86,10 @@ async def test_the_trap_catches_a_child_that_looks_into_the_working_folder(trap:
 
 
 async def test_the_process_of_the_model_runs_none_of_it(trap: Trap) -> None:
-    path = write_tiny(Path("tiny.gguf"))
-    engine = Engine(LocalModel("tiny", path, hash_file(path), "chatml", n_ctx=512))
-    request = Request(
-        role="planner",
-        system="You are a planner.",
-        user="Where is the gate?",
-        grammar="start: /[a-z]{6}/",
-        max_tokens=8,
-        deadline_s=300,
-    )
-    async with aclosing(engine.generate(request)) as items:
-        finished = [item.finish async for item in items if isinstance(item, GenerationEnd)]
+    engine = Engine(tiny_model(Path()))
+    finish = (await answer(engine)).finish
     await engine.close()
-    assert (finished, trap.sprung) == (["stop"], [])
+    assert (finish, trap.sprung) == ("stop", [])
 
 
 def test_the_trial_of_its_confinement_runs_none_of_it(trap: Trap) -> None:
@@ -171,7 +162,7 @@ class _Screen:
 
 
 @pytest.fixture
-def web_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+def web_command(monkeypatch: pytest.MonkeyPatch, call: Call) -> Any:
     """Return what gives the command of a window of `serve --web` with the words given."""
 
     def command(*words: str) -> list[str]:
@@ -182,7 +173,7 @@ def web_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[s
             return 0
 
         monkeypatch.setattr(web, "serve_console", serve_console)
-        assert caller(monkeypatch, capsys)(*words).code == 0
+        assert call(*words).code == 0
         return list(asked[0])
 
     return command
@@ -223,10 +214,10 @@ def test_paths_of_the_command_line_mean_the_same_to_a_window(
 
 
 def test_the_user_s_own_search_path_means_the_same_to_children(
-    trap: Trap, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    trap: Trap, monkeypatch: pytest.MonkeyPatch, call: Call
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(("", "own", "/opt/lib")))
-    assert caller(monkeypatch, capsys)("--version").code == 0
+    assert call("--version").code == 0
     assert os.environ["PYTHONPATH"] == f"{trap.folder}/own{os.pathsep}/opt/lib"
 
 
@@ -239,16 +230,18 @@ STARTS = {
 POOLS = ("ProcessPoolExecutor", "LocalCluster", "multiprocessing")
 
 
-def sources() -> list[tuple[str, ast.Module]]:
-    """Return every other module of the product, parsed."""
+@cache
+def sources() -> tuple[tuple[str, str, ast.Module], ...]:
+    """Return every other module of the product: its name, its text, and it parsed."""
     files = [path for path in PRODUCT.rglob("*.py") if path != ONE_PLACE]
-    return [(str(path.relative_to(PRODUCT)), ast.parse(path.read_text("utf-8"))) for path in files]
+    texts = {str(path.relative_to(PRODUCT)): path.read_text("utf-8") for path in files}
+    return tuple((name, text, ast.parse(text)) for name, text in texts.items())
 
 
 def test_one_place_knows_how_this_python_is_started() -> None:
     found = [
         f"{name}:{node.lineno}"
-        for name, tree in sources()
+        for name, _, tree in sources()
         for node in ast.walk(tree)
         if (isinstance(node, ast.Attribute) and node.attr == "executable")
         or (isinstance(node, ast.ImportFrom) and any(a.name == "executable" for a in node.names))
@@ -258,8 +251,7 @@ def test_one_place_knows_how_this_python_is_started() -> None:
 
 def test_every_child_has_a_folder_of_its_own() -> None:
     started, shells, pools = list[str](), list[str](), list[str]()
-    for name, tree in sources():
-        source = ast.unparse(tree)
+    for name, source, tree in sources():
         if any(pool in source for pool in POOLS) and "with isolated_workers()" not in source:
             pools.append(name)
         for call in ast.walk(tree):

@@ -19,11 +19,9 @@ from pa_console.session.log.session_index import (
 from pa_console.session.log.signed_head import head_path, sign_head, write_head
 from pa_console.session.log.writer import LogWriter, new_log_path
 from pa_console.signing import KEY_VARIABLE, Signer, load_signer
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.session.story import story
 from tests.session.tamper import OTHER, long_story
-
-__all__ = ["Call"]
 
 
 @pytest.fixture(autouse=True)
@@ -39,12 +37,6 @@ def folder(tmp_path: Path, signer: Signer) -> Path:
     for number in range(3):
         write(tmp_path / "sessions", f"S{number}", signer)
     return tmp_path / "sessions"
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    """Return what runs a verb in this process."""
-    return caller(monkeypatch, capsys)
 
 
 def write(folder: Path, session: str, signer: Signer, *, crash: bool = False) -> Path:

@@ -9,8 +9,6 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pa_console.cli.sessions import mission as mission_session
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.policy.authoring.examples import (
     MISSION_TEXT,
     WORLD,
@@ -45,10 +43,10 @@ from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.rules_in_force import RulesWatch
 from pa_console.station.station import ControlStation
-from tests.cli.inside import Call, caller
+from tests.cli.inside import Call
 from tests.policy.book import RULES
 from tests.policy.test_large import MISSION
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import ScriptedEngine
 
 pytestmark = pytest.mark.invariant
 
@@ -66,31 +64,6 @@ rules:
   - {id: ROE-70, domain: ROE, priority: critical, text: "Do as you like."}
 """
 REFUSED = "the rules 'house' are refused"
-
-
-@pytest.fixture(autouse=True)
-def _own_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
-    monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "own" / "key.pem"))
-
-
-@pytest.fixture
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
-    return caller(monkeypatch, capsys)
-
-
-@pytest.fixture
-def engine(monkeypatch: pytest.MonkeyPatch) -> ScriptedEngine:
-    scripted = ScriptedEngine([plan(("Drone_T04", "move_to EastGate"))])
-
-    def find_model(_: str | None, *_progress: object, **_reader: str) -> LocalModel:
-        return scripted.model
-
-    def new_engine(_: LocalModel, **_options: bool) -> ScriptedEngine:
-        return scripted
-
-    monkeypatch.setattr(mission_session, "find_model", find_model)
-    monkeypatch.setattr(mission_session, "Engine", new_engine)
-    return scripted
 
 
 def signed(path: Path, text: str = HOUSE, signer: Signer | None = None) -> Path:

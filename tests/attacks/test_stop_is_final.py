@@ -30,10 +30,10 @@ from tests.scripted import ScriptedEngine, plan
 
 pytestmark = pytest.mark.invariant
 
-STOPS = int(os.environ.get("PA_CONSOLE_STOPS", "300"))
-"""So many random missions are stopped; `python -m tests.attacks.stop_campaign` takes more."""
+STOPS = int(os.environ.get("PA_CONSOLE_STOPS", "150"))
+"""So many random missions are stopped; `python -m tests.attacks stop` takes more."""
 
-CHUNKS = 10
+CHUNKS = 5
 REPORT = plan(("Drone_T04", "report"))
 
 
@@ -122,10 +122,8 @@ async def test_a_stop_in_a_relief_sends_eight_holds_and_then_nothing(site: Site,
 async def test_whatever_goes_on_a_stop_is_the_last_word(part: int) -> None:
     count = -(-STOPS // CHUNKS)
     tally = await stops(part * count, count)
-    assert tally.after["hold"] > 0
-    assert not tally.moved_after, tally.summary()
-    assert not tally.started_after, tally.summary()
-    assert not tally.undecided, tally.summary()
+    assert tally.held > 0
+    assert not tally.amiss, tally.summary()
 
 
 async def test_a_lost_way_to_safety_is_not_sent_again_after_a_stop(site: Site) -> None:

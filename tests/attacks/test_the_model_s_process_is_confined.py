@@ -9,7 +9,6 @@ import subprocess
 import sys
 import termios
 from collections.abc import AsyncGenerator, Callable
-from contextlib import aclosing
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,35 +17,25 @@ import pytest_asyncio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pa_console.llm.backend import GenerationEnd, ModelUnavailableError, Request
+from pa_console.llm.backend import ModelUnavailableError
 from pa_console.llm.local import seccomp
 from pa_console.llm.local.confinement import Restriction, clean_environment, try_out
 from pa_console.llm.local.engine import Engine, Worker
 from pa_console.llm.local.messages import Load, PinnedFile, Ready
-from pa_console.llm.models.cache import hash_file
 from pa_console.llm.models.catalogue import LocalModel
 from tests.attacks.dangerous_calls import DANGEROUS
-from tests.cli.inside import caller
-from tests.training.adapters.tiny import write_tiny
+from tests.cli.inside import Call
+from tests.llm.asking import ASK, answer, local_model, tiny_model
 
 LINUX = sys.platform == "linux" and os.uname().machine in seccomp.MACHINES
 linux_only = pytest.mark.skipif(not LINUX, reason="this system has no filter of system calls")
 
-ASK = Request(
-    role="planner",
-    system="You are a planner.",
-    user="Where is the gate?",
-    grammar="start: /[a-z]{6}/",
-    max_tokens=8,
-    deadline_s=300,
-)
 SECRET = "PA_TEST_TOKEN"
 
 
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> LocalModel:
-    path = write_tiny(tmp_path_factory.mktemp("model") / "tiny.gguf")
-    return LocalModel("tiny", path, hash_file(path), "chatml", n_ctx=512)
+    return tiny_model(tmp_path_factory.mktemp("model"))
 
 
 @pytest_asyncio.fixture
@@ -56,14 +45,6 @@ async def engine(tiny: LocalModel, monkeypatch: pytest.MonkeyPatch) -> AsyncGene
     engine = Engine(tiny)
     yield engine
     await engine.close()
-
-
-async def answer(engine: Engine, request: Request) -> GenerationEnd:
-    async with aclosing(engine.generate(request)) as items:
-        async for item in items:
-            if isinstance(item, GenerationEnd):
-                return item
-    raise AssertionError("no GenerationEnd came")
 
 
 @linux_only
@@ -254,8 +235,7 @@ async def test_no_model_is_loaded_without_the_confinement_that_is_required(
     monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", UNCONFINED))
     path = tmp_path / "never-parsed.gguf"
     path.write_bytes(b"no model: parsing it would be another error")
-    model = LocalModel("tiny", path, hash_file(path), "chatml", n_ctx=512)
-    engine = Engine(model, require_sandbox=True)
+    engine = Engine(local_model(path), require_sandbox=True)
     try:
         with pytest.raises(ModelUnavailableError, match=r"--require-sandbox.*no filter here"):
             await answer(engine, ASK)
@@ -270,17 +250,13 @@ async def test_no_model_is_loaded_without_the_confinement_that_is_required(
 )
 @pytest.mark.parametrize("how", ["--require-sandbox", "--set require_sandbox=on"])
 def test_no_session_starts_without_the_confinement_that_is_required(
-    words: str,
-    how: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    tiny: LocalModel,
+    words: str, how: str, monkeypatch: pytest.MonkeyPatch, call: Call, tiny: LocalModel
 ) -> None:
     lost = (Restriction(what="no network", missing="no filter here"),)
     monkeypatch.setattr("pa_console.cli.sessions.live.try_out", lambda: lost)
     before = how.split() if how.startswith("--set") else []
     after = [] if before else [how]
-    done = caller(monkeypatch, capsys)(*before, *words.split(), "--model", str(tiny.path), *after)
+    done = call(*before, *words.split(), "--model", str(tiny.path), *after)
     assert done.code == 2
     assert "no network (no filter here)" in done.said
     assert "Linux 5.13" in done.said, "the remedy"

@@ -1,11 +1,10 @@
 """No weights and no adapter are loaded that nobody pinned, whoever writes to the cache."""
 
-import asyncio
 import hashlib
 import json
 import os
-from collections.abc import Callable
-from contextlib import aclosing
+from collections.abc import AsyncGenerator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,22 +12,16 @@ from typing import Any
 import pytest
 
 from pa_console.cli.verbs.doctor.models import check_model
-from pa_console.llm.backend import GenerationEnd, ModelError, ModelUnavailableError, Request
+from pa_console.llm.backend import ModelError, ModelUnavailableError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import CACHE_VARIABLE, hash_file
 from pa_console.llm.models.catalogue import Catalog, LocalAdapter, LocalModel
 from pa_console.signing import KEY_VARIABLE, load_signer
+from tests.llm.asking import answer, local_model
 from tests.training.adapters.tiny import write_tiny
 
 NAME = "tiny"
-ASK = Request(
-    role="judge",
-    system="You are a judge.",
-    user="Is the gate covered?",
-    grammar="start: /[a-z]{4}/",
-    max_tokens=8,
-    deadline_s=300,
-)
+CHANGED = "not the file that was checked"
 
 
 @pytest.fixture(autouse=True)
@@ -146,81 +139,58 @@ def test_the_shipped_catalogue_pins_all_that_it_prepares() -> None:
     assert all({"f16", "bf16"} <= entry.prepared.keys() for entry in prepared)
 
 
-async def ask(engine: Engine) -> str:
-    async with aclosing(engine.generate(ASK)) as items:
-        async for item in items:
-            if isinstance(item, GenerationEnd):
-                return item.text
-    raise AssertionError("no GenerationEnd came")
+@asynccontextmanager
+async def running(model: LocalModel) -> AsyncGenerator[Callable[[], Awaitable[str]]]:
+    """Give what asks the model, whose process ends with the block."""
+    engine = Engine(model)
+
+    async def ask() -> str:
+        return (await answer(engine)).text
+
+    try:
+        yield ask
+    finally:
+        await engine.close()
 
 
-def model(path: Path) -> LocalModel:
-    """Return the model at `path`, as it was when it was checked."""
-    return LocalModel(NAME, path, hash_file(path), "chatml", n_ctx=512)
-
-
-def test_a_file_that_is_swapped_between_the_check_and_the_load_is_not_loaded(
+async def test_a_file_that_is_swapped_between_the_check_and_the_load_is_not_loaded(
     source: Path, tmp_path: Path
 ) -> None:
-    checked = model(source)
+    checked = local_model(source)
     os.replace(write_tiny(tmp_path / "other.gguf", seed=1), source)
-
-    async def load() -> None:
-        engine = Engine(checked)
-        try:
-            with pytest.raises(ModelUnavailableError, match="not the file that was checked"):
-                await ask(engine)
-        finally:
-            await engine.close()
-
-    asyncio.run(load())
+    async with running(checked) as ask:
+        with pytest.raises(ModelUnavailableError, match=CHANGED):
+            await ask()
 
 
-def test_an_adapter_that_is_swapped_is_not_loaded(source: Path, tmp_path: Path) -> None:
+async def test_an_adapter_that_is_swapped_is_not_loaded(source: Path, tmp_path: Path) -> None:
     path = tmp_path / "judge.lora.gguf"
     path.write_bytes(b"as it was when it was checked")
     adapter = LocalAdapter("judge", path, hash_file(path))
     path.write_bytes(b"as it is when it is loaded")
-
-    async def load() -> None:
-        engine = Engine(replace(model(source), adapters=(adapter,)))
-        try:
-            with pytest.raises(ModelUnavailableError, match="not the file that was checked"):
-                await ask(engine)
-        finally:
-            await engine.close()
-
-    asyncio.run(load())
+    async with running(replace(local_model(source), adapters=(adapter,))) as ask:
+        with pytest.raises(ModelUnavailableError, match=CHANGED):
+            await ask()
 
 
-def test_weights_that_are_written_to_while_they_are_in_use_answer_no_more(source: Path) -> None:
-    async def write_meanwhile() -> None:
-        engine = Engine(model(source))
-        try:
-            assert len(await ask(engine)) == 4
-            flip(source)
-            for _ in range(2):
-                with pytest.raises(ModelUnavailableError, match="not the file that was checked"):
-                    await ask(engine)
-        finally:
-            await engine.close()
-
-    asyncio.run(write_meanwhile())
+async def test_weights_that_are_written_to_while_they_are_in_use_answer_no_more(
+    source: Path,
+) -> None:
+    async with running(local_model(source)) as ask:
+        assert len(await ask()) == 6
+        flip(source)
+        for _ in range(2):
+            with pytest.raises(ModelUnavailableError, match=CHANGED):
+                await ask()
 
 
-def test_a_new_file_under_the_name_of_one_in_use_changes_nothing(
+async def test_a_new_file_under_the_name_of_one_in_use_changes_nothing(
     source: Path, tmp_path: Path
 ) -> None:
-    async def replace_meanwhile() -> None:
-        engine = Engine(model(source))
-        try:
-            before = await ask(engine)
-            os.replace(write_tiny(tmp_path / "other.gguf", seed=1), source)
-            assert await ask(engine) == before
-        finally:
-            await engine.close()
-
-    asyncio.run(replace_meanwhile())
+    async with running(local_model(source)) as ask:
+        before = await ask()
+        os.replace(write_tiny(tmp_path / "other.gguf", seed=1), source)
+        assert await ask() == before
 
 
 def test_what_was_hashed_is_what_is_opened_whatever_its_name_leads_to(tmp_path: Path) -> None:

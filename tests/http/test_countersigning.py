@@ -144,7 +144,7 @@ ACTS = st.one_of(
 Act = str | tuple[str, str, str]
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(st.sampled_from(("block", "away", "override", "acknowledge")), st.lists(ACTS, max_size=8))
 def test_no_history_of_requests_sends_what_two_people_have_not_signed(
     kind: str, acts: list[Act]

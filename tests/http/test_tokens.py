@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from pa_console.fleets.authorization import RefusedError, Role
+from pa_console.http.bodies import ActionBody, plan_of
 from pa_console.http.guard import RequestRate
 from pa_console.http.served_session import KEPT, EventFeed
 from pa_console.http.tokens import Bearer, TokenBook
@@ -111,3 +112,13 @@ async def test_what_memory_has_not_any_more_is_read_from_the_log(tmp_path: Path)
         items = [item async for item in feed.follow(after) if item is not None]
         assert [item.event for item in items] == happened[after:]
         assert [item.number for item in items] == list(range(after + 1, len(happened) + 1))
+
+
+def test_a_plan_of_the_operators_own_keeps_its_steps() -> None:
+    bodies = (
+        ActionBody(agent="Robot_T01", command="move_to NorthGate", stay_s=5.0),
+        ActionBody(agent="Ugv_T02", command="return_to_base", after=[1]),
+    )
+    plan = plan_of(bodies, "")
+    assert plan.steps == ((1,), (2,))
+    assert plan.actions[0].stay_s == 5.0

@@ -3,7 +3,6 @@
 import asyncio
 import hashlib
 from collections.abc import AsyncGenerator
-from contextlib import aclosing
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from pa_console.llm.models.catalogue import (
     check_adapters,
     find_model,
 )
+from tests.llm.asking import answer
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
@@ -50,14 +50,6 @@ async def engine(adapted: LocalModel) -> AsyncGenerator[Engine]:
     engine = Engine(adapted)
     yield engine
     await engine.close()
-
-
-async def answer(engine: Engine, request: Request) -> GenerationEnd:
-    async with aclosing(engine.generate(request)) as items:
-        async for item in items:
-            if isinstance(item, GenerationEnd):
-                return item
-    raise AssertionError("no GenerationEnd came")
 
 
 async def fresh(model: LocalModel, request: Request) -> GenerationEnd:

@@ -34,6 +34,7 @@ from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import planner_prompt
 from pa_console.schema.events.event import WorkerState
 from pa_console.schema.plan import Plan
+from tests.llm.asking import answer
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
 # A busy machine takes minutes to load models; only the requests' own deadlines are tested.
@@ -70,17 +71,6 @@ async def whole(smallest_model: LocalModel) -> AsyncGenerator[Engine]:
     engine = Engine(smallest_model)
     yield engine
     await engine.close()
-
-
-async def answer(engine: Engine, request: Request) -> GenerationEnd:
-    text = ""
-    async with aclosing(engine.generate(request)) as items:
-        async for item in items:
-            if isinstance(item, GenerationEnd):
-                assert text == item.text
-                return item
-            text += item
-    raise AssertionError("no GenerationEnd came")
 
 
 def gone(pid: int) -> bool:
@@ -193,12 +183,6 @@ async def test_a_second_prompt_is_answered_as_in_a_fresh_context(
     engine: Engine, shallow_model: LocalModel
 ):
     await compare_with_fresh_context(engine, shallow_model)
-
-
-async def test_a_whole_model_answers_as_in_a_fresh_context(
-    whole: Engine, smallest_model: LocalModel
-):
-    await compare_with_fresh_context(whole, smallest_model)
 
 
 @pytest.mark.parametrize("name", ["gemma-3-270m", "qwen2.5-coder-0.5b"])

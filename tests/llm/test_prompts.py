@@ -7,6 +7,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pa_console.language.canonical.clauses import ASKED
+from pa_console.language.canonical.reading import read_asked
+from pa_console.llm.roles.clause_reader import nearest_orders, taught_orders, without_names
 from pa_console.llm.roles.prompts import judge_prompt, outcome_prompt, planner_prompt
 from pa_console.resources import data_folder
 from pa_console.schema.mission import Verification
@@ -19,6 +22,7 @@ from pa_console.schema.rehearsal import (
     TrackTimeline,
 )
 from pa_console.schema.rule import Rule
+from pa_training.orders.near_duplicates import shipped_duplicates
 from tests.llm.site import DIGEST, RULE, WORLD, mission, picture
 
 PLAN = Plan(reason="quiet", actions=(Action(agent="Hawk_2", command="observe HillGate"),))
@@ -151,3 +155,31 @@ def test_no_mission_of_the_paper_is_in_a_prompt():
     everything = " ".join([prompt.system, prompt.user, judged.system, judged.user]).lower()
     assert len(cases) == 10
     assert [c["command"] for c in cases if c["command"].rstrip(".").lower() in everything] == []
+
+
+def test_every_taught_order_is_in_clauses_that_the_console_reads() -> None:
+    orders, masked = taught_orders()
+    assert len(orders) == len(masked) > 500
+    for order in orders:
+        reading = read_asked(f"{ASKED}{order.clauses}")
+        assert reading is not None, order
+        assert reading.readable, order
+
+
+def test_none_is_like_a_mission_of_a_test_set() -> None:
+    orders, _ = taught_orders()
+    kept = shipped_duplicates().keep([order.text for order in orders])
+    assert kept.count(False) <= len(orders) / 500
+
+
+def test_an_order_that_was_taught_is_its_own_nearest() -> None:
+    orders, _ = taught_orders()
+    for order in orders[::200]:
+        found = nearest_orders(order.text, 4)
+        assert len(found) == 4
+        assert without_names(found[-1].text) == without_names(order.text)
+
+
+@pytest.mark.parametrize("name", ["Kite_3", "MillGate", "Drone_T04", "Track_01"])
+def test_names_make_no_order_like_another(name: str) -> None:
+    assert without_names(f"Send {name} home") == "send # home"

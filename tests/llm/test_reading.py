@@ -1,5 +1,6 @@
 """What a model says was asked is read back as it was meant, clause by clause."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -9,8 +10,15 @@ from hypothesis import strategies as st
 
 from pa_console.language.canonical.order import Ask, Reading, Who
 from pa_console.language.canonical.reading import asked_words, read_asked, read_reason
+from pa_console.language.name_linking import link_names
+from pa_console.llm.backend import Chance, confidence
 from pa_console.llm.roles.grammar import READ, begun_reason
+from pa_console.llm.roles.planner import Planner
+from pa_console.llm.roles.prompts import Prompt
+from pa_training.situations.worlds import shipped_world
 from tests import written
+from tests.llm import site
+from tests.scripted import ScriptedEngine, plan
 
 
 @pytest.mark.parametrize("number", range(0, written.SITUATIONS, 4))
@@ -104,3 +112,104 @@ def test_a_reason_is_known_to_have_said_what_was_asked(said: str, facts: str) ->
     assert asked_words(begun_reason(whole[: found.end()])).rstrip("; ") == said
     for end in range(len(begins + said) + 1):
         assert re.search(READ, whole[:end]) is None
+
+
+WORLD = shipped_world()
+NAMES = (*WORLD.assets, *WORLD.frames, *WORLD.zones)
+
+
+@pytest.mark.parametrize(
+    ("said", "read"),
+    [
+        ("send uav four to the north gate", "send Drone_T04 to NorthGate"),
+        ("drones 1 and 3, West Gate", "Drone_T01 and Drone_T03, WestGate"),
+        ("Drone_T02 and T03 hold", "Drone_T02 and Drone_T03 hold"),
+        ("T03 is dead", "Drone_T03 is dead"),
+        ("north, east and the south gates", "NorthGate, EastGate and SouthGate"),
+        ("the north and the east gate", "NorthGate and EastGate"),
+        ("the W gate, GATE EAST, the southern gate", "WestGate, EastGate, SouthGate"),
+        ("wset gte", "WestGate"),
+        ("Ugv Tango Zero Two", "Ugv_T02"),
+        ("drone#2 robot no. 1 UAV-3", "Drone_T02 Robot_T01 Drone_T03"),
+        ("FRAME_NorthGate", "NorthGate"),
+        ("drone eleven", "Drone_T11"),
+        ("to the the north gate", "to NorthGate"),
+    ],
+)
+def test_a_name_in_other_words_is_linked(said: str, read: str) -> None:
+    assert link_names(WORLD, said) == read
+
+
+def test_a_teams_own_word_becomes_the_word_for_its_kind() -> None:
+    assert link_names(site.WORLD, "any hawk to the hill gate") == "any drone to HillGate"
+    assert link_names(site.WORLD, "an hawk or 2 mules") == "a drone or 2 ugvs"
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "one robot to the gate",
+        "the last gate of the best gates",
+        "a vehicle 2 km away",
+        "two drones. 3 vehicles",
+        "T01 holds",
+        "T02",
+        "go north",
+        "the gate NorthGate",
+    ],
+)
+def test_what_can_mean_several_things_is_left_to_the_model(said: str) -> None:
+    assert link_names(WORLD, said) == said
+
+
+@given(st.lists(st.sampled_from((*NAMES, "to", "and", "two", "the", "drone", "1", ",", "gate"))))
+def test_linking_again_changes_nothing(words: list[str]) -> None:
+    once = link_names(WORLD, " ".join(words))
+    assert link_names(WORLD, once) == once
+
+
+@given(st.sampled_from(NAMES), st.sampled_from(("{}", "at {}.", "«{}»", "({})", "{}?")))
+def test_a_name_as_it_is_stays(name: str, around: str) -> None:
+    assert link_names(WORLD, around.format(name)) == around.format(name)
+
+
+@given(st.text(max_size=200))
+def test_only_names_come_in(text: str) -> None:
+    new = set(re.findall(r"\w+", link_names(WORLD, text))) - set(re.findall(r"\w+", text))
+    known = set(NAMES) | {"drone", "drones", "ugv", "ugvs", "robot", "robots"}
+    assert all(any(name in word for name in known) or "_T" in word for word in new)
+
+
+CHANCES = st.lists(st.tuples(st.integers(0, 40), st.floats(-9.0, 0.0)), min_size=1, max_size=12)
+ASKED = "asked: 1 drone home; "
+ANSWER = plan(("Drone_T04", "return_to_base"), reason=f"{ASKED}Free drone: Drone_T04")
+
+
+@given(CHANCES, st.integers(0, 40))
+def test_words_that_follow_each_other_are_as_likely_as_both(chances: list[Chance], at: int) -> None:
+    text = "".join(chr(0x4E00 + n) for n in range(41))
+    first, second = confidence(chances, text, text[:at]), confidence(chances, text, text[at:])
+    whole = confidence(chances, text, text)
+    assert whole is not None
+    assert second is not None
+    assert whole == pytest.approx((first or 0.0 if at else 1.0) * second, abs=1e-4)
+
+
+def test_what_the_model_was_given_no_choice_about_is_certain() -> None:
+    assert confidence([(0, -1.0), (9, -1.0)], "one, two, three", "two") == 1.0
+
+
+@pytest.mark.parametrize(("chances", "words"), [([], "one"), ([(0, -1.0)], ""), ([(0, -1.0)], "x")])
+def test_without_chances_or_without_the_words_nothing_is_said(
+    chances: list[Chance], words: str
+) -> None:
+    assert confidence(chances, "one, two", words) is None
+
+
+@pytest.mark.parametrize(
+    ("at", "sure"), [(ANSWER.index("drone"), 0.25), (ANSWER.index("Free"), 1.0)]
+)
+async def test_a_planner_is_as_sure_as_of_what_it_says_was_asked(at: int, sure: float) -> None:
+    engine = ScriptedEngine([ANSWER], chances=[(at, math.log(0.25))])
+    proposal = await Planner(engine.engine()).plan(Prompt("s", "u"), "grammar")
+    assert proposal.confidence == sure

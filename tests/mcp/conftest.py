@@ -5,17 +5,18 @@ from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing, asynccontextmanager
 from datetime import UTC, datetime
 
-import pytest
-
 from pa_console.mcp.agents_session import AgentsSession
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Mission
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
-from pa_console.station.assembly import Site, load_site, open_station
+from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.station.station import ControlStation
+from tests.rig import site
 from tests.scripted import ScriptedEngine, plan
+
+__all__ = ["site"]
 
 FILL = plan(("Drone_T04", "move_to EastGate"))
 UNKNOWN = MissionTrace(Mission(id="?", text="?", created=datetime.now(UTC)))
@@ -115,9 +116,3 @@ async def beside(
     finally:
         await running.station.close("the test is over")
         await following
-
-
-@pytest.fixture(scope="session")
-def site() -> Site:
-    """The checkpoint."""
-    return load_site("checkpoint", "checkpoint")

@@ -106,26 +106,17 @@ async def test_an_agent_at_a_port_uses_every_tool(site: Site, tmp_path: Path, ki
 
 
 @pytest.mark.parametrize("kind", KINDS)
-async def test_an_agent_on_stdio_uses_every_tool(tmp_path: Path, kind: str) -> None:
-    async with over_stdio(kind, tmp_path / "pid") as client:
+async def test_an_agent_on_stdio_uses_every_tool_and_is_told_when_the_server_dies(
+    tmp_path: Path, kind: str
+) -> None:
+    pid_file, told = tmp_path / "pid", ""
+    async with over_stdio(kind, pid_file) as client:
         assert {tool.name for tool in await _tools(client)} == TOOLS
 
         async def approve(_: str) -> None:
             """Leave it to the operator of that process."""
 
         await uses_everything(call_with(client), approve)
-
-
-async def _tools(client: Any) -> Any:
-    listed = await client.list_tools()
-    return getattr(listed, "tools", listed)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-async def test_a_server_that_dies_is_told_to_the_client(tmp_path: Path, kind: str) -> None:
-    pid_file, told = tmp_path / "pid", ""
-    async with over_stdio(kind, pid_file) as client:
-        await client.call_tool("picture", {})
         os.kill(int(pid_file.read_text("utf-8")), signal.SIGKILL)
         async with asyncio.timeout(60):
             try:
@@ -135,6 +126,11 @@ async def test_a_server_that_dies_is_told_to_the_client(tmp_path: Path, kind: st
             except Exception as error:
                 told = repr(error)
     assert told
+
+
+async def _tools(client: Any) -> Any:
+    listed = await client.list_tools()
+    return getattr(listed, "tools", listed)
 
 
 @pytest.mark.parametrize("kind", KINDS)

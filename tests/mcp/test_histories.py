@@ -26,8 +26,8 @@ from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
-SESSIONS, HISTORIES, STEPS = 20, 100, 6
-"""2,000 histories, a hundred one after the other in each session."""
+SESSIONS, HISTORIES, STEPS = 4, 100, 6
+"""400 histories, a hundred one after the other in each session."""
 AGENTS = ("planner-7", "scout", "operator")
 PERSON = "anna"
 STILL = (("Drone_T01", "report"), ("Robot_T01", "hold"), ("Drone_T02", "hold"))

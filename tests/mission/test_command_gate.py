@@ -1,45 +1,22 @@
-"""The last gate before the link, whatever is asked of it in whatever order."""
-
-from dataclasses import dataclass, field
+"""The last gate before the link: what passes it, when, and what never does."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.mission.gate import CommandGate, Passage
 from pa_console.mission.rehearse import device_commands
 from pa_console.policy.rulebook import Rulebook
-from pa_console.resources import data_folder
-from pa_console.schema.command import STILL, DeviceCommand
+from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.log.writer import Journal
-from pa_console.sim.worlds.world_file import load_world
-from tests.mission.gate import send
+from tests.mission.gate import WORLD, Link, gate_on, send
 
 pytestmark = pytest.mark.invariant
 
-WORLD = load_world(data_folder() / "worlds" / "checkpoint" / "world.yaml")
 APPROVE = Decision(kind="approve")
 RULES = Rulebook("none", "", ())
-
-
-@dataclass
-class Link:
-    """What is put on the link, in place of a fleet."""
-
-    world = WORLD
-    sent: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
-
-    def send(self, command: DeviceCommand) -> None:
-        """Note the command."""
-        self.sent.append(command)
-
-
-def gate_on(link: Link, journal: Journal | None = None) -> CommandGate:
-    return CommandGate(link, journal or Journal())  # pyright: ignore[reportArgumentType]
 
 
 def actions(*orders: tuple[str, str]) -> tuple[Action, ...]:
@@ -130,74 +107,6 @@ def test_nothing_of_a_plan_that_has_ended_passes() -> None:
     gate.halt()
     for command in (*ORDERS, HOME):
         assert isinstance(send(gate, command), ev.CommandRefused)
-
-
-ACTS = st.one_of(
-    st.sampled_from(("halt", "finish", "stop", "release", "holds")),
-    st.integers(1, 3),
-    st.tuples(st.sampled_from(("send", "resend")), st.integers(0, 11)),
-)
-REQUESTS = {
-    1: RELIEF,
-    2: request(2, ("Drone_T01", "observe EastGate"), safety=(("Drone_T01", "move_to WestGate"),)),
-    3: request(3, ("Ugv_T01", "return_to_base"), ("Drone_T04", "report")),
-}
-COMMANDS = (
-    *(c for r in REQUESTS.values() for c in device_commands(r.plan, r.request_id)),
-    HOME,
-    HOME.model_copy(update={"target": "NorthGate"}),
-    DeviceCommand(command_id="h1", agent="Drone_T04", verb="hold"),
-    DeviceCommand(command_id="h2", agent="Ugv_T02", verb="hold"),
-    DeviceCommand(command_id="stop1.1", agent="Drone_T01", verb="move_to", target="EastGate"),
-    DeviceCommand(command_id="r", agent="Ugv_T02", verb="report"),
-    DeviceCommand(command_id="b", agent="Ugv_T02", verb="return_to_base"),
-)
-
-
-@settings(max_examples=500, deadline=None)
-@given(st.lists(ACTS, max_size=40))
-def test_in_any_order_of_events_only_what_was_decided_passes_and_nothing_moves_while_stopped(
-    acts: list[str | int | tuple[str, int]],
-) -> None:
-    link = Link()
-    gate = gate_on(link)
-    latched, granted = False, set[tuple[str, str, str | None]]()
-    holds: tuple[DeviceCommand, ...] = ()
-    for act in acts:
-        before = len(link.sent)
-        match act:
-            case int() if latched:
-                with pytest.raises(ValueError, match="stopped"):
-                    gate.grant(REQUESTS[act], APPROVE, RULES)
-            case int():
-                gate.grant(REQUESTS[act], APPROVE, RULES)
-                named = (*REQUESTS[act].plan.actions, *REQUESTS[act].if_halted)
-                granted |= {(a.agent, a.verb, a.target) for a in named}
-                granted |= {(a.agent, "hold", None) for a in REQUESTS[act].if_halted}
-            case "halt":
-                gate.halt()
-            case "finish":
-                gate.finish()
-            case "stop":
-                holds, latched = gate.stop_all(), True
-            case "release" if latched:
-                gate.release()
-                latched = False
-            case "holds":
-                told = [send(gate, hold) for hold in holds]
-                assert all(isinstance(payload, ev.CommandSent) for payload in told)
-                holds = ()
-            case ("send", number):
-                told = send(gate, COMMANDS[number])
-                assert isinstance(told, ev.CommandSent) == (len(link.sent) > before)
-            case ("resend", number):
-                gate.resend(COMMANDS[number], 1)
-            case _:
-                pass
-        for command in link.sent[before:]:
-            assert not latched or command.verb in STILL
-            words = (command.agent, command.verb, command.target)
-            assert words in granted or command.command_id.startswith("stop")
 
 
 def test_nothing_of_a_plan_passes_while_the_log_cannot_be_written() -> None:

@@ -79,17 +79,6 @@ def test_a_stop_is_repeated_until_its_device_answers_however_long_that_takes(sit
     assert follow(sim, stops, 10.0) == []
 
 
-def test_a_stop_gets_through_once_the_link_is_back(site: Site) -> None:
-    sim = Checkpoint(site.world)
-    sim.inject(SetRadio(asset="Drone_T01", up=False))
-    stops = stops_of(sim)
-    list(stops.hold_all())
-    follow(sim, stops, 10.0)
-    sim.inject(SetRadio(asset="Drone_T01"))
-    assert answered(follow(sim, stops, 30.0)) == {"Drone_T01": "done"}
-    assert not stops.waiting
-
-
 def test_stops_of_their_own_each_have_ids_of_their_own(site: Site) -> None:
     stops = stops_of(Checkpoint(site.world))
     held = [payload for _ in range(2) for payload in stops.hold_all()]

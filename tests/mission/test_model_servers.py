@@ -18,7 +18,6 @@ from pa_console.session.confidence import Evidence, calibrated_confidence
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import SteppedClock
-from pa_console.station.headless import run_missions
 from tests.llm.servers.fault_proxy import FaultProxy
 from tests.mission.test_rereading import EAST, NORTH
 from tests.mission.test_rereading import engine as compact_engine
@@ -45,14 +44,10 @@ async def flown(
     """One mission, approved by a person whatever the doubts; its events are those of `rig`."""
     station = open_station(rig.site, engine.engine(), SteppedClock(), servers=servers)
 
-    def sink(event: ev.Event, state: object) -> None:
-        rig.events.append(event)
-
     def approve(request: ev.ApprovalRequested) -> Decision:
         return Decision(kind="approve", by="person", acknowledged=request.acknowledge)
 
-    traces = await run_missions(station, [text], approve, sink)
-    return traces[0]
+    return (await rig.carry_out(station, [text], approve))[0]
 
 
 def told(rig: Rig) -> list[str]:

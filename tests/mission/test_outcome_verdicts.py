@@ -11,10 +11,8 @@ from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.incident import SpawnTrack
-from pa_console.session.state import SessionState
 from pa_console.station.assembly import open_station
 from pa_console.station.clock import RealTimeClock
-from pa_console.station.headless import run_missions
 from pa_console.station.station import ControlStation
 from tests.rig import MISSION, Rig
 from tests.scripted import FAILURE, SUCCESS, Answer, ScriptedEngine, plan
@@ -61,15 +59,8 @@ async def test_a_mission_ends_by_telemetry_and_its_verdict_follows(rig: Rig) -> 
 
 
 async def test_the_next_mission_goes_before_a_verdict(rig: Rig) -> None:
-    engine = BusyEngine(plans=(SPARE, HOME), cut_short=1)
-
-    def sink(event: ev.Event, state: SessionState) -> None:
-        rig.events.append(event)
-        rig.state = state
-
-    texts = [MISSION, "Send the drone home."]
-    station = rig.station(engine)
-    first, second = await run_missions(station, texts, standing_approver("auto"), sink)
+    station = rig.station(BusyEngine(plans=(SPARE, HOME), cut_short=1))
+    first, second = await rig.carry_out(station, [MISSION, "Send the drone home."])
     told = [
         (event.data.kind, event.mission)
         for event in rig.events

@@ -1,23 +1,24 @@
 """Where the models are unsure of an order, the operator is offered what else it may mean."""
 
-import json
 import math
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
 from pa_console.language.canonical.reading import agree, distinct
 from pa_console.language.clause_grammar import exactly
-from pa_console.llm.models.catalogue import LocalModel
+from pa_console.llm.backend import EngineDiedError
+from pa_console.mission import readings as second_reader
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
+from pa_console.session.confidence import UNSURE
 from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import Answer, ScriptedEngine, judged, plan
 
 EAST = "asked: 1 drone to EastGate"
 NORTH = "asked: 1 drone to NorthGate"
@@ -36,21 +37,14 @@ def begun(asked: str) -> str:
     return f'{{"reason": "{asked}; {FREE}", "actions": ['
 
 
-def verdicts(asked: str) -> list[str]:
-    """Return what the judge says of a plan for what it reads: the beginning, then all of it."""
-    words = f"{asked}; planned: 1 drone; it fits"
-    whole = f'{{"feedback": {json.dumps(words)}, "violated": [], "verdict": "Success"}}'
-    return [f'{{"feedback": "{asked}; planned: ', whole]
-
-
 def engine(asked: Sequence[str], read: Sequence[str], sure: float) -> ScriptedEngine:
     """Return one whose planner plans for each of `asked`, and whose judge reads each of `read`."""
     plans = [answer(words) for words in asked]
-    said = [text for words in read for text in verdicts(words)]
+    said = [text for words in read for text in judged(words)]
     chances = [(plans[0].index("EastGate"), math.log(sure))]
     others = [begun(EAST), begun(NORTH), begun(SOUTH), begun(NORTH)]
     scripted = ScriptedEngine(plans, said, others, chances)
-    scripted.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
+    scripted.model = replace(scripted.model, prompts="compact")
     return scripted
 
 
@@ -207,3 +201,131 @@ def test_what_comes_to_the_same_now_or_cannot_be_read_is_left_out(
     others: list[str], kept: tuple[str, ...]
 ) -> None:
     assert distinct(EAST, others) == kept
+
+
+TO_EAST = "Send a drone to EastGate."
+TO_NORTH = "Send a drone to NorthGate."
+
+
+def reader(asked: Answer, sure: float) -> ScriptedEngine:
+    """Return a trained second reader that says that so much was `asked`, and how sure it is."""
+    said = judged(asked)[0] if isinstance(asked, str) else asked
+    scripted = ScriptedEngine([], [said], chances=[(0, math.log(sure))])
+    scripted.model = replace(scripted.model, prompts="compact")
+    return scripted
+
+
+def read_again(rig: Rig) -> list[ev.OrderReadAgain]:
+    return [e.data for e in rig.events if isinstance(e.data, ev.OrderReadAgain)]
+
+
+async def test_a_clear_order_is_read_once(rig: Rig) -> None:
+    scripted = engine([EAST], [EAST], sure=0.9)
+    scripted.second_reader = reader(NORTH, 0.99)
+    await rig.run(scripted, text=TO_EAST)
+    assert read_again(rig) == []
+    assert scripted.second_reader.requests == []
+
+
+async def test_a_second_reader_that_says_the_same_takes_the_doubt_away(rig: Rig) -> None:
+    scripted = engine([EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader(EAST, 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [request], [read] = requests(rig), read_again(rig)
+    assert (read.asked, read.confidence) == (EAST, 0.9)
+    assert request.plan.actions[0].command == "move_to EastGate"
+    assert request.confidence is not None
+    assert request.confidence >= UNSURE
+    assert request.state == "approve"
+
+
+async def test_what_a_second_reader_says_is_served_and_the_first_reading_offered(
+    rig: Rig,
+) -> None:
+    scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.4)
+    scripted.second_reader = reader(NORTH, 0.9)
+    trace = await rig.run(scripted, text=TO_NORTH)
+    [request] = requests(rig)
+    assert (request.asked, request.readings[0]) == (NORTH, EAST)
+    assert request.state == "may_be_misunderstood"
+    assert trace.attempts[-1].aside.endswith(", as the second reader read it")
+    assert rig.state.picture is not None
+    assert rig.state.picture.assets["Drone_T04"].at == "NorthGate"
+
+
+async def test_what_an_unsure_second_reader_says_is_offered_and_the_doubt_told(rig: Rig) -> None:
+    scripted = engine([EAST], [EAST], sure=0.5)
+    scripted.second_reader = reader(NORTH, 0.2)
+    await rig.run(scripted, text=TO_EAST)
+    [request] = requests(rig)
+    assert request.asked == EAST
+    assert NORTH in request.readings
+    assert request.state == "may_be_misunderstood"
+
+
+async def test_without_an_answer_of_the_second_reader_the_first_plan_stands(rig: Rig) -> None:
+    scripted = engine([EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader(EngineDiedError("the process died"), 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [read], [request] = read_again(rig), requests(rig)
+    assert (read.asked, read.error != "") == ("", True)
+    assert request.plan.actions[0].command == "move_to EastGate"
+
+
+async def test_a_second_reader_that_never_answers_is_not_waited_for(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(second_reader, "PATIENCE_S", 0.05)
+    scripted = engine([EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader(None, 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [read], [request] = read_again(rig), requests(rig)
+    assert "no answer within" in read.error
+    assert request.plan.actions[0].command == "move_to EastGate"
+
+
+async def test_a_reading_that_comes_to_the_same_orders_bears_the_plan_out(rig: Rig) -> None:
+    scripted = engine([EAST, EAST], [EAST], sure=0.4)
+    scripted.second_reader = reader("asked: Drone_T04 to EastGate", 0.9)
+    await rig.run(scripted, text=TO_EAST)
+    [request] = requests(rig)
+    assert request.plan.actions[0].command == "move_to EastGate"
+    assert (request.read_apart, request.state) == (False, "approve")
+    assert "asked: Drone_T04 to EastGate" not in request.readings
+
+
+@pytest.mark.parametrize(
+    ("text", "moves"),
+    [("A car is at the east gate. One drone there.", True), ("Send one drone over there.", False)],
+)
+async def test_a_plan_for_want_of_a_place_replaces_none_that_serves_all_words(
+    rig: Rig, text: str, moves: bool
+) -> None:
+    nowhere = "asked: 1 drone to unknown place"
+    held = plan(("Drone_T04", "hold"), reason=f"{nowhere}; no such place (CAP-06), hold")
+    said = [words for asked in (EAST, nowhere) for words in judged(asked)]
+    chances = [(answer(EAST).index("EastGate"), math.log(0.05))]
+    scripted = ScriptedEngine([answer(EAST), held], said, chances=chances)
+    scripted.model = replace(scripted.model, prompts="compact")
+    scripted.second_reader = reader(nowhere, 0.99)
+    await rig.run(scripted, text=text)
+    [request] = requests(rig)
+    assert [action.verb for action in request.plan.actions] == ["move_to" if moves else "hold"]
+    assert request.state != "approve"
+
+
+async def test_what_it_alone_has_read_is_never_plain_approve(rig: Rig) -> None:
+    scripted = engine([EAST, NORTH], [EAST, NORTH], sure=0.4)
+    scripted.second_reader = reader(NORTH, 1.0)
+    await rig.run(scripted, text=TO_NORTH)
+    [request] = requests(rig)
+    assert request.read_apart
+    assert request.state == "may_be_misunderstood"
+
+
+async def test_what_the_operator_chose_is_not_read_again(rig: Rig) -> None:
+    scripted = engine([EAST, NORTH, NORTH], [EAST, NORTH, NORTH], sure=0.4)
+    scripted.second_reader = reader(NORTH, 0.2)
+    trace = await rig.run(scripted, text=TO_NORTH, approver=choosing(NORTH))
+    assert len(read_again(rig)) == 1
+    assert trace.status == "verified"

@@ -31,11 +31,10 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
 from pa_console.schema.telemetry import Picture
 from pa_console.session.log.writer import Journal
-from tests.mission.gate import send
+from tests.mission.gate import WORLD, Link, send
 from tests.mission.pictures import GATES, asset, picture
-from tests.mission.test_command_gate import WORLD, Link
 
-HISTORIES, STEPS = 2000, 25
+HISTORIES, STEPS = 1000, 25
 POSTS = (("Drone_T01", GATES[0]), ("Drone_T02", GATES[1]))
 NAMES = tuple(name for name, _ in POSTS)
 RULE = Rule(id="ROE-01", domain="ROE", priority="high", text="r")

@@ -1,15 +1,12 @@
 """Standing orders in a session: approved first, then they start missions that need approval too."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
-from math import log
 from pathlib import Path
 
 import pytest
 
 from pa_console.evaluation.twin import resimulate
-from pa_console.llm.models.catalogue import LocalModel
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
@@ -27,7 +24,7 @@ from pa_console.station.headless import run_missions
 from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
-from tests.scripted import ScriptedEngine, plan
+from tests.scripted import ScriptedEngine, plan, sure_engine
 from tests.station.test_authorized_session import authority_of
 from tests.station.test_resumed_session import SEND, killed, open_again
 
@@ -37,18 +34,6 @@ RELIEF = plan(
     ("Drone_T04", "move_to WestGate"), ("Drone_T01", "return_to_base"), reason=f"{ASKED}; so be it"
 )
 LOW = SetBattery(asset="Drone_T01", percent=15.0)
-
-
-def sure_engine() -> ScriptedEngine:
-    """Return one that relieves Drone_T01, and has no doubt that this was asked."""
-    fits = json.dumps(f"{ASKED}; planned: relieve Drone_T01; it fits")
-    verdicts = [
-        f'{{"feedback": "{ASKED}; planned: ',
-        f'{{"feedback": {fits}, "violated": [], "verdict": "Success"}}',
-    ]
-    engine = ScriptedEngine([RELIEF], verdicts, chances=[(RELIEF.index("WestGate"), log(0.95))])
-    engine.model = LocalModel("scripted", Path("/dev/null"), "0" * 64, prompts="compact")
-    return engine
 
 
 def person(request: ev.ApprovalRequested) -> Decision:
@@ -77,14 +62,7 @@ async def play(
 ) -> SessionState:
     """Give `text` and let some time pass."""
     engine = engine or ScriptedEngine([RELIEF])
-    station = rig.station(engine)
-
-    def sink(event: ev.Event, state: SessionState) -> None:
-        rig.events.append(event)
-        rig.state = state
-        on_event(event, station)
-
-    await run_missions(station, [text], approver, sink, duration_s=seconds)
+    await rig.carry_out(rig.station(engine), [text], approver, on_event, duration_s=seconds)
     return rig.state
 
 
@@ -276,7 +254,7 @@ async def test_it_approves_by_itself_only_where_it_says_so_and_the_rules_allow_i
     rig: Rig, verbs: tuple[str, ...], text: str, unasked: bool
 ) -> None:
     rig.site = allowing(rig.site, *verbs)
-    state = await play(rig, but_for_missions, text, engine=sure_engine())
+    state = await play(rig, but_for_missions, text, engine=sure_engine(ASKED, RELIEF, "WestGate"))
     (trace,) = [t for t in state.missions.values() if t.mission.standing]
     assert trace.decision is not None
     assert trace.decision.standing_order == ("S1" if unasked else "")
@@ -288,7 +266,7 @@ async def test_it_approves_by_itself_only_where_it_says_so_and_the_rules_allow_i
 
 async def test_a_plan_that_two_people_must_approve_is_rejected_by_it(rig: Rig) -> None:
     rig.site = allowing(rig.site, "move_to", "return_to_base", approvals={"move_to": 2})
-    state = await play(rig, person, UNASKED, engine=sure_engine())
+    state = await play(rig, person, UNASKED, engine=sure_engine(ASKED, RELIEF, "WestGate"))
     (trace,) = [t for t in state.missions.values() if t.mission.standing]
     assert trace.status == "rejected"
     assert "move_to needs 2 people" in trace.reason
@@ -312,7 +290,7 @@ async def test_a_doubtful_plan_of_it_waits_for_the_operator(rig: Rig) -> None:
 async def test_its_missions_are_signed_as_standing_where_there_are_keys(site: Site) -> None:
     allowed = allowing(site, "move_to", "return_to_base")
     authority = authority_of(allowed)
-    engine = sure_engine()
+    engine = sure_engine(ASKED, RELIEF, "WestGate")
     station = open_station(allowed, engine.engine(), SteppedClock(), authority=authority)
     made: list[ev.DecisionMade] = []
 
@@ -334,23 +312,16 @@ async def test_the_log_tells_of_it_holds_and_comes_to_the_same_in_a_replay(
     rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(KEY_VARIABLE, str(tmp_path / "key" / "key.pem"))
-    station = rig.station(sure_engine())
+    station = rig.station(sure_engine(ASKED, RELIEF, "WestGate"))
     log = tmp_path / "one.jsonl"
-    live = SessionState()
-
-    def sink(event: ev.Event, state: SessionState) -> None:
-        nonlocal live
-        live = state
-        low_once_in_force(event, station)
-
     with LogWriter(log, station.session, signer=load_signer()) as writer:
         station.write_to(writer)
-        await run_missions(station, [ORDER], person, sink, duration_s=20.0)
+        await rig.carry_out(station, [ORDER], person, low_once_in_force, duration_s=20.0)
     assert verify(log).intact
     again, events = SessionState(), list(read_log(log))
     for event in events:
         again.apply(event)
-    assert again.standing == live.standing
+    assert again.standing == rig.state.standing
     assert again.standing["S1"].started == 1
     assert resimulate(events, rig.site.world).equal
 

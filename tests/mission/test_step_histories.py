@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from random import Random
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,40 +11,20 @@ import pytest
 from pa_console.mission.context import MissionResult
 from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, ExecutedPlan
-from pa_console.mission.gate import CommandGate
 from pa_console.mission.rehearse import device_commands
 from pa_console.mission.report import ReportFacts
 from pa_console.mission.sequences import step_by_step
 from pa_console.policy.rulebook import Rulebook
-from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Finding
 from pa_console.schema.mission import ActionOutcome, Decision, Verification
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.log.writer import Journal
-from tests.shipped import home
+from tests.mission.gate import Link, gate_on
 
 RULES = Rulebook("none", "", ())
-HISTORIES = 3000
+HISTORIES = 1600
 NAMES = ("Drone_T04", "Robot_T01", "Robot_T02", "Ugv_T02")
 GATES = ("NorthGate", "EastGate", "SouthGate", "WestGate")
-
-
-@dataclass
-class Link:
-    """What is put on the link, in place of a fleet."""
-
-    world = home()
-    sent: list[DeviceCommand] = field(default_factory=list[DeviceCommand])
-
-    def send(self, command: DeviceCommand) -> None:
-        """Note the command."""
-        self.sent.append(command)
-
-
-def gate_on(link: Link) -> CommandGate:
-    """Return a gate on the link that writes its log nowhere."""
-    return CommandGate(link, Journal())  # pyright: ignore[reportArgumentType]
 
 
 def drawn_plan(random: Random) -> Plan:
@@ -66,54 +45,6 @@ def drawn_plan(random: Random) -> Plan:
 def request(plan: Plan, number: int = 1) -> ev.ApprovalRequested:
     """Return the request to approve `plan`."""
     return ev.ApprovalRequested(request_id=f"M1.{number}", attempt=number, plan=plan)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_the_gate_lets_no_action_pass_before_what_it_waits_for_is_verified(seed: int) -> None:
-    random = Random(seed)
-    for _ in range(HISTORIES // 4):
-        link = Link()
-        gate, plan = gate_on(link), drawn_plan(random)
-        asked = request(plan)
-        commands = device_commands(plan, asked.request_id)
-        granted = ended = False
-        verified = set[int]()
-        for _ in range(25):
-            match random.choices(
-                ("send", "verify", "grant", "reject", "halt", "stop", "finish"),
-                (50, 20, 8, 4, 3, 3, 2),
-            )[0]:
-                case "send":
-                    before = len(link.sent)
-                    at = random.randrange(len(commands))
-                    gate.send((commands[at],), lambda _: None)
-                    if len(link.sent) > before:
-                        assert granted
-                        assert not ended, "none after a halt, a stop or the end"
-                        assert set(plan.actions[at].after) <= verified
-                case "verify" if granted:
-                    number = random.randrange(len(commands)) + 1
-                    gate.verified([number])
-                    verified.add(number)
-                case "grant" if not granted and not gate.stopped:
-                    gate.grant(asked, Decision(kind="approve"), RULES)
-                    granted = True
-                case "reject":
-                    with pytest.raises(ValueError, match=r"."):
-                        gate.grant(asked, Decision(kind="reject"), RULES)
-                case "halt" if granted:
-                    gate.halt()
-                    ended = True
-                case "stop" if not gate.stopped:
-                    gate.stop_all()
-                    ended = ended or granted
-                case "finish" if granted:
-                    gate.finish()
-                    ended = True
-                case _:
-                    pass
-        ids = [command.command_id for command in link.sent]
-        assert len(ids) == len(set(ids)), "none twice"
 
 
 class Steps:

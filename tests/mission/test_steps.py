@@ -1,15 +1,23 @@
 """Plans in steps: nothing is sent before what it comes after is verified, and nothing is lost."""
 
+import asyncio
 import json
 from datetime import UTC, datetime
+from random import Random
 from typing import TypeVar
 
-from pa_console.mission.approval import standing_approver
+import pytest
+
+from pa_console.fleets.fleet import Outlook
+from pa_console.fleets.simulated import ForeseenFleet, SimulatedFleet
+from pa_console.mission.examine import Examination, examine
+from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset, SpawnTrack
 from pa_console.schema.mission import Mission
+from pa_console.schema.plan import Action, Plan
 from pa_console.session.state import SessionState
-from pa_console.station.headless import run_missions
+from pa_console.station.assembly import Site
 from pa_console.station.station import ControlStation
 from tests.rig import Rig
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine
@@ -28,8 +36,6 @@ def plan(*orders: Order, stay_s: float = 0.0) -> str:
 
 
 TWO = plan(("Robot_T01", "move_to NorthGate", ()), ("Drone_T04", "return_to_base", (1,)))
-
-
 Kind = TypeVar("Kind")
 
 
@@ -159,19 +165,70 @@ async def test_what_is_done_before_an_emergency_is_not_done_again(rig: Rig) -> N
     station = rig.station(engine, respond=True)
     verified = list[int]()
 
-    def sink(event: ev.Event, state: SessionState) -> None:
-        rig.events.append(event)
-        rig.state = state
-        match event.data:
-            case ev.MissionVerified(step=step) if step and not verified:
-                verified.append(step)
-                station.inject(hostile)
-            case _:
-                pass
+    def attack(event: ev.Event, station: ControlStation) -> None:
+        if isinstance(event.data, ev.MissionVerified) and event.data.step and not verified:
+            verified.append(event.data.step)
+            station.inject(hostile)
 
     text = f"{ORDER} After that send Robot_T02 to the checkpoint."
-    await run_missions(station, [text], standing_approver("auto"), sink)
+    await rig.carry_out(station, [text], on_event=attack)
     preempted = of_kind(rig, ev.MissionPreempted)
     sent = [sent.command.agent for sent in of_kind(rig, ev.CommandSent)]
     assert preempted
     assert sent.count("Robot_T01") == 1
+
+
+STEPS_DRAWN = 24
+
+
+def drawn(random: Random, names: tuple[str, ...], gates: tuple[str, ...]) -> Plan:
+    """Return a plan of two or three steps, each of one or two commands."""
+    actions: list[Action] = []
+    before: tuple[int, ...] = ()
+    for _ in range(random.randint(2, 3)):
+        first = len(actions) + 1
+        for name in sorted({random.choice(names) for _ in range(random.randint(1, 2))}):
+            command = random.choice((f"move_to {random.choice(gates)}", "return_to_base"))
+            actions.append(Action(agent=name, command=command, after=before))
+        before = tuple(range(first, len(actions) + 1))
+    return Plan(reason="drawn", actions=tuple(actions))
+
+
+def one_by_one(plan: Plan, fleet: Outlook, rules: Rulebook) -> list[Examination]:
+    """Examine each step by itself, in the picture that those before it leave."""
+    found: list[Examination] = []
+    for numbers in plan.steps:
+        step = asyncio.run(examine(plan.part(numbers), some_mission(), fleet, rules))
+        found.append(step)
+        if step.rehearsal is None or step.blocked:
+            break
+        fleet = ForeseenFleet(fleet.world, step.rehearsal.after)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_plan_is_blocked_where_one_of_its_steps_is(seed: int, site: Site) -> None:
+    random = Random(seed)
+    fleet = SimulatedFleet.start(site.world)
+    for _ in range(10):
+        fleet.step()
+    gates, posted = tuple(site.world.gates), tuple(site.world.assets)
+    guards = {name for cover in fleet.picture().gates.values() for name in cover.by}
+    free = tuple(name for name in posted if name not in guards)
+    names = posted + 4 * free
+    verdicts = set[bool]()
+    for _ in range(STEPS_DRAWN // 2):
+        plan = drawn(random, names, gates)
+        whole = asyncio.run(examine(plan, some_mission(), fleet, site.rulebook))
+        steps = one_by_one(plan, fleet, site.rulebook)
+        if any(step.blocked for step in steps):
+            assert whole.blocked, plan.answer
+        verdicts.add(whole.blocked)
+        lost = [
+            gate
+            for step in whole.steps
+            for gate, line in step.timeline.gates.items()
+            if line.covered_before and not line.covered_after
+        ]
+        assert whole.blocked or not lost, "no gate is left bare by any step of a plan that passes"
+    assert verdicts == {True, False}, "the plans that are drawn tell something"

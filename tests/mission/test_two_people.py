@@ -29,8 +29,7 @@ from tests.fleets.keyring import (
     TO_SOUTH,
     Clock,
 )
-from tests.mission.gate import send
-from tests.mission.test_command_gate import WORLD
+from tests.mission.gate import WORLD, send
 
 pytestmark = pytest.mark.invariant
 
@@ -146,7 +145,7 @@ ACTS = st.one_of(
 )
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=300, deadline=None)
 @given(st.lists(ACTS, max_size=8))
 def test_in_any_history_no_command_goes_out_with_fewer_approvals_than_it_needs(
     acts: list[str | tuple[str, str, list[str], str]],

@@ -1,5 +1,6 @@
 """Checks decide each rule exactly once, never raise, and what they cannot decide blocks."""
 
+import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal, run_example
-from pa_console.policy.findings import MAX_OFFENDERS
+from pa_console.policy.findings import MAX_OFFENDERS, problems
 from pa_console.policy.rule_checks import check_mission, check_plan
 from pa_console.policy.rulebook import load_rules
 from pa_console.schema.finding import Finding
@@ -20,6 +22,7 @@ from pa_console.schema.rule import RuleExample
 from tests.policy.book import checkpoint_rules, write_rules
 from tests.policy.situations import plans, rehearsals
 from tests.schema.strategies import models
+from tests.shipped import home
 
 SLOW_DATA = (HealthCheck.too_slow, HealthCheck.data_too_large)
 MISSION = Mission(id="M1", text="Hold.", created=datetime(2026, 1, 1, tzinfo=UTC))
@@ -162,3 +165,65 @@ def test_an_example_that_makes_no_sense_is_an_error_that_says_why(
     finding = run_example(rule, RuleExample(name="odd", expect="pass", **example))
     assert finding.status == "error"
     assert problem in finding.message
+
+
+@pytest.mark.parametrize(
+    ("after", "told"),
+    [
+        (((), (), ()), "Drone_T04 has 2 commands, at most one is allowed"),
+        (((), (1,), (1,)), ""),
+        (((), (), (2,)), "Drone_T04 is needed twice at once, by actions 1 and 3"),
+    ],
+)
+def test_an_asset_is_needed_once_at_a_time(after: tuple[tuple[int, ...], ...], told: str) -> None:
+    orders = (("Drone_T04", "hold"), ("Robot_T01", "hold"), ("Drone_T04", "return_to_base"))
+    actions = [
+        {"agent": agent, "command": command, "after": list(numbers)}
+        for (agent, command), numbers in zip(orders, after, strict=True)
+    ]
+    plan = Plan.model_validate_json(json.dumps({"reason": "r", "actions": actions}))
+    fleet = SimulatedFleet.start(home())
+    found = problems(plan, fleet.world, fleet.picture())
+    assert [told in one.message for one in found] == [True] * bool(told)
+
+
+def messages(*actions: tuple[str, str]) -> list[str]:
+    example = RuleExample(name="structure", expect="pass", plan=actions)
+    plan = example_plan(example)
+    found = problems(plan, WORLD, example_rehearsal(example, plan).before)
+    assert all(finding.blocking for finding in found)
+    return [finding.message for finding in found]
+
+
+def test_a_sound_plan_has_no_problem() -> None:
+    assert messages() == []
+    assert messages(("Drone_T04", "observe EastGate"), ("Robot_T01", "report")) == []
+
+
+def test_an_unknown_agent_is_named_with_those_that_exist() -> None:
+    (message,) = messages(("Drone_T99", "hold"))
+    assert "'Drone_T99'" in message
+    assert "Drone_T04" in message
+
+
+def test_an_unknown_frame_is_named_with_those_that_exist() -> None:
+    (message,) = messages(("Drone_T04", "move_to Moon"))
+    assert "'Moon'" in message
+    assert "EastGate" in message
+
+
+def test_a_command_for_another_kind_says_who_can() -> None:
+    assert messages(("Drone_T04", "warn EastGate")) == ["Drone_T04 is a uav; only a robot can warn"]
+    assert messages(("Robot_T01", "block EastGate")) == [
+        "Robot_T01 is a robot; only a ugv can block"
+    ]
+
+
+def test_an_agent_that_is_addressed_twice_is_refused_even_with_the_same_command() -> None:
+    (message,) = messages(("Drone_T04", "hold"), ("Drone_T04", "hold"))
+    assert message == "Drone_T04 has 2 commands, at most one is allowed"
+
+
+def test_every_problem_is_reported_not_only_the_first() -> None:
+    found = messages(("Nobody", "move_to Moon"), ("Ugv_T01", "warn Mars"), ("Ugv_T01", "hold"))
+    assert len(found) == 5

@@ -68,7 +68,7 @@ def test_the_hash_is_sha256_of_the_canonical_json_of_the_rest(original: bytes) -
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_any_changed_byte_is_found_on_its_line(
     original: bytes, check: Tamper, data: st.DataObject
 ) -> None:
@@ -82,7 +82,7 @@ def test_any_changed_byte_is_found_on_its_line(
 
 
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_any_inserted_or_deleted_byte_is_found(
     original: bytes, check: Tamper, data: st.DataObject
 ) -> None:
@@ -207,7 +207,7 @@ def test_rubbish_is_an_error_with_its_line_and_never_a_crash(
 
 
 @given(st.binary(max_size=200))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 def test_any_bytes_are_refused_politely(check: Tamper, content: bytes) -> None:
     result = check(content)
     assert result.ok == (content == b"")

@@ -8,13 +8,15 @@ import pytest
 from pa_console.schema.command import COMMANDS, DeviceCommand, Verb
 from pa_console.schema.incident import (
     DegradeAsset,
+    DriveByHand,
     FailAsset,
     PlaceAsset,
     RestoreAsset,
     SetBattery,
     SetComms,
+    SetRadio,
 )
-from pa_console.schema.world import Wall, World
+from pa_console.schema.world import LostLink, Wall, World
 from pa_console.sim.checkpoint import Checkpoint
 from tests.sim.running import carry_out, finish, order, run
 
@@ -217,3 +219,200 @@ def test_an_asset_that_is_full_stays_full_at_the_base_until_it_moves(sim: Checkp
     carry_out(sim, "Drone_T04", "move_to", "Checkpoint")
     run(sim, 60.0)
     assert sim.truth().assets["Drone_T04"].battery_pct < 98.0
+
+
+def with_lost_link(world: World, behaviour: LostLink) -> Checkpoint:
+    platforms = {
+        kind: platform.model_copy(update={"lost_link": behaviour, "lost_link_after_s": 5.0})
+        for kind, platform in world.platforms.items()
+    }
+    return Checkpoint(world.model_copy(update={"platforms": platforms}), seed=4)
+
+
+def test_one_that_holds_stops_and_tells_later_why(world: World) -> None:
+    sim = with_lost_link(world, "hold")
+    moving = order(sim, "Robot_T01", "move_to", "WestGate")
+    run(sim, 3.0)
+    sim.inject(SetComms(asset="Robot_T01", comms="lost"))
+    run(sim, 4.5)
+    assert sim.truth().assets["Robot_T01"].speed_mps > 0.0
+    assert run(sim, 2.0) == []
+    robot = sim.truth().assets["Robot_T01"]
+    assert (robot.speed_mps, robot.task, robot.command_id) == (0.0, "holding", None)
+    sim.inject(SetComms(asset="Robot_T01", comms="ok"))
+    [reply] = run(sim, 1.5)
+    assert (reply.command_id, reply.status, reply.detail) == (moving, "failed", "link lost")
+    run(sim, 5.0)
+    assert sim.truth().assets["Robot_T01"].position == robot.position
+
+
+def test_one_that_returns_goes_to_base_and_charges(world: World) -> None:
+    sim = with_lost_link(world, "return_to_base")
+    sim.inject(SetBattery(asset="Drone_T01", percent=50.0))
+    order(sim, "Drone_T01", "move_to", "EastGate")
+    run(sim, 2.0)
+    sim.inject(SetComms(asset="Drone_T01", comms="lost"))
+    run(sim, 30.0)
+    true, known = sim.truth(), sim.picture()
+    assert (true.assets["Drone_T01"].at, true.assets["Drone_T01"].task) == ("Base", "charging")
+    assert known.assets["Drone_T01"].at != "Base", "nobody has told the station"
+    assert known.assets["Drone_T01"].comms == "lost"
+
+
+@pytest.mark.parametrize(("behaviour", "at"), [("hold", "WestGate"), ("return_to_base", "Base")])
+def test_one_on_its_watch_holds_it_or_leaves_it(world: World, behaviour: LostLink, at: str) -> None:
+    sim = with_lost_link(world, behaviour)
+    run(sim, 1.0)
+    sim.inject(SetComms(asset="Drone_T01", comms="lost"))
+    run(sim, 4.0)
+    assert sim.truth().assets["Drone_T01"].at == "WestGate"
+    run(sim, 30.0)
+    assert sim.truth().assets["Drone_T01"].at == at
+
+
+def test_a_short_outage_changes_nothing(world: World) -> None:
+    sim = with_lost_link(world, "return_to_base")
+    order(sim, "Ugv_T02", "block", "EastGate")
+    run(sim, 2.0)
+    sim.inject(SetComms(asset="Ugv_T02", comms="lost"))
+    run(sim, 4.0)
+    sim.inject(SetComms(asset="Ugv_T02", comms="ok"))
+    assert [reply.status for reply in run(sim, 40.0)][-1] == "done"
+
+
+def test_a_new_command_ends_the_return(world: World) -> None:
+    sim = with_lost_link(world, "return_to_base")
+    run(sim, 1.0)
+    sim.inject(SetComms(asset="Ugv_T01", comms="lost"))
+    run(sim, 8.0)
+    assert sim.truth().assets["Ugv_T01"].task == "returning"
+    sim.inject(SetComms(asset="Ugv_T01", comms="ok"))
+    order(sim, "Ugv_T01", "block", "EastGate")
+    assert run(sim, 40.0)[-1].status == "done"
+    assert sim.picture().assets["Ugv_T01"].at == "EastGate"
+
+
+def test_losses_alone_do_not_cut_a_device_off(world: World) -> None:
+    sim = with_lost_link(world, "return_to_base")
+    sim.inject(SetRadio(loss=0.3))
+    run(sim, 60.0)
+    assert {a.at for a in sim.truth().assets.values()} == {a.post for a in world.assets.values()}
+
+
+@pytest.mark.parametrize("behaviour", ["hold", "return_to_base"])
+def test_a_wreck_does_nothing(world: World, behaviour: LostLink) -> None:
+    sim = with_lost_link(world, behaviour)
+    run(sim, 1.0)
+    sim.inject(FailAsset(asset="Drone_T01"))
+    sim.inject(SetComms(asset="Drone_T01", comms="lost"))
+    run(sim, 20.0)
+    wreck = sim.truth().assets["Drone_T01"]
+    assert (wreck.at, wreck.status, wreck.task) == ("WestGate", "failed", "none")
+
+
+def alone_at(sim: Checkpoint, gate: str) -> str:
+    """Return the asset that alone covers `gate`, after all others have gone home."""
+    first, *others = sim.picture().gates[gate].by
+    for name in others:
+        carry_out(sim, name, "return_to_base")
+    return first
+
+
+def test_a_driven_asset_reports_it_and_is_not_available(sim: Checkpoint) -> None:
+    assert not sim.picture().assets["Drone_T04"].manual
+    sim.inject(DriveByHand(asset="Drone_T04"))
+    run(sim, 2.0)
+    shown = sim.picture().assets["Drone_T04"]
+    assert (shown.manual, shown.available, shown.status) == (True, False, "ok")
+    sim.inject(DriveByHand(asset="Drone_T04", ends=True))
+    run(sim, 2.0)
+    shown = sim.picture().assets["Drone_T04"]
+    assert (shown.manual, shown.available) == (False, True)
+
+
+def test_its_device_refuses_everything_but_a_hold(sim: Checkpoint) -> None:
+    sim.inject(DriveByHand(asset="Drone_T04", frame="NorthGate"))
+    run(sim, 2.0)
+    refused = finish(sim, order(sim, "Drone_T04", "move_to", "SouthGate"))
+    assert (refused[-1].status, refused[-1].detail) == ("refused", "it is under manual control")
+    assert sim.picture().assets["Drone_T04"].speed_mps > 0.0
+    held = finish(sim, order(sim, "Drone_T04", "hold"))
+    assert held[-1].status == "done"
+    run(sim, 2.0)
+    assert sim.picture().assets["Drone_T04"].speed_mps == 0.0
+
+
+def test_what_it_was_ordered_before_is_not_carried_on(sim: Checkpoint) -> None:
+    order(sim, "Drone_T04", "move_to", "NorthGate")
+    run(sim, 2.0)
+    sim.inject(DriveByHand(asset="Drone_T04"))
+    sim.inject(DriveByHand(asset="Drone_T04", ends=True))
+    where = sim.truth().assets["Drone_T04"].position
+    run(sim, 5.0)
+    assert sim.truth().assets["Drone_T04"].position == where
+
+
+def test_a_driven_asset_covers_its_gate_while_its_position_does(sim: Checkpoint) -> None:
+    guard = alone_at(sim, "WestGate")
+    sim.inject(DriveByHand(asset=guard))
+    run(sim, 2.0)
+    assert sim.picture().gates["WestGate"].by == (guard,)
+    sim.inject(DriveByHand(asset=guard, frame="EastGate"))
+    run(sim, 8.0)
+    assert not sim.picture().gates["WestGate"].covered
+    run(sim, 60.0)
+    assert sim.picture().assets[guard].at == "EastGate"
+    assert guard not in sim.picture().gates["EastGate"].by
+
+
+def test_a_driven_asset_that_falls_silent_covers_nothing_for_certain(sim: Checkpoint) -> None:
+    guard = alone_at(sim, "WestGate")
+    sim.inject(DriveByHand(asset=guard))
+    run(sim, 2.0)
+    sim.inject(SetComms(asset=guard, comms="lost"))
+    run(sim, sim.world.link_lost_s + 2.0)
+    assert sim.picture().gates["WestGate"].unknown
+
+
+def test_what_the_station_has_taken_is_shown_at_once_and_no_device_hears_of_it(
+    sim: Checkpoint,
+) -> None:
+    guard = alone_at(sim, "WestGate")
+    sim.mark_manual(frozenset((guard,)))
+    shown = sim.picture().assets[guard]
+    assert (shown.manual, shown.available) == (True, False)
+    assert sim.picture().gates["WestGate"].by == (guard,)
+    assert not sim.truth().assets[guard].manual
+    run(sim, 5.0)
+    assert sim.picture().assets[guard].manual
+    sim.mark_manual(frozenset())
+    assert sim.picture().assets[guard].available
+
+
+def test_a_forecast_leaves_a_driven_asset_where_it_is(sim: Checkpoint) -> None:
+    guard = alone_at(sim, "WestGate")
+    sim.mark_manual(frozenset((guard,)))
+    ahead = sim.forecast()
+    before = ahead.picture().assets[guard].position
+    replies = finish(ahead, order(ahead, guard, "move_to", "EastGate"))
+    assert replies[-1].status == "refused"
+    run(ahead, 30.0)
+    after = ahead.picture()
+    assert after.assets[guard].position == before
+    assert after.assets[guard].manual
+    assert after.gates["WestGate"].by == (guard,)
+
+
+def test_it_is_driven_to_no_place_that_cannot_be_reached(sim: Checkpoint) -> None:
+    with pytest.raises(ValueError, match="there is no frame 'Nowhere'"):
+        sim.inject(DriveByHand(asset="Drone_T04", frame="Nowhere"))
+
+
+def test_who_is_driven_is_part_of_the_state(sim: Checkpoint) -> None:
+    twin = sim.fork()
+    sim.inject(DriveByHand(asset="Drone_T04"))
+    assert twin.state_hash() != sim.state_hash()
+    twin.inject(DriveByHand(asset="Drone_T04"))
+    assert twin.state_hash() == sim.state_hash()
+    twin.mark_manual(frozenset(("Drone_T01",)))
+    assert twin.state_hash() != sim.state_hash()

@@ -96,7 +96,7 @@ def decided(site: Site, asked: ev.ApprovalRequested, decisions: list[Decision]) 
         return None
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(st.sampled_from(("block", "override", "acknowledge", "move")), st.lists(ACTS, max_size=8))
 def test_no_history_of_messages_approves_what_two_people_have_not_signed(
     kind: str, acts: list[Act]

@@ -420,7 +420,7 @@ def _decisive(data: ev.EventPayload) -> tuple[Any, ...]:
 
 @pytest.mark.long
 @settings(
-    max_examples=150,
+    max_examples=100,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(history=st.lists(STEPS, min_size=3, max_size=14))

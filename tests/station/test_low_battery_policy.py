@@ -70,24 +70,37 @@ async def test_every_other_mission_goes_before_the_offer(rig: Rig) -> None:
     assert state.active == given.mission.id
 
 
+def approved(event: ev.Event, station: ControlStation) -> None:
+    """Approve the policy, and let a battery get low once it holds."""
+    match event.data:
+        case ev.ApprovalRequested() as asked if asked.standing is not None:
+            station.decide(asked.approved())
+        case ev.StandingOrderApproved():
+            station.inject(SetBattery(asset="Drone_T02", percent=28.0))
+        case _:
+            pass
+
+
 async def test_approved_it_relieves_a_drone_while_nobody_answers(rig: Rig) -> None:
     """The scripted models report no confidence, so that its plan waits; it is started at once."""
-
-    def act(event: ev.Event, station: ControlStation) -> None:
-        match event.data:
-            case ev.ApprovalRequested() as asked if asked.standing is not None:
-                station.decide(asked.approved())
-            case ev.StandingOrderApproved():
-                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
-            case _:
-                pass
 
     def relieves(state: SessionState) -> bool:
         return any(each.starts for each in state.standing.values())
 
-    state = await shift(rig, act, relieves)
+    state = await shift(rig, approved, relieves)
     started = state.missions[next(iter(state.standing.values())).starts[0].mission]
     assert "Drone_T02" in started.mission.text
+    assert started.decision is None
+
+
+async def test_approved_it_needs_no_confidence_of_a_model_in_its_own_words(rig: Rig) -> None:
+    def decided(state: SessionState) -> list[str]:
+        made = [trace.decision for trace in state.missions.values() if trace.mission.standing]
+        return [one.standing_order for one in made if one is not None]
+
+    read = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"), reason=READ)
+    state = await shift(rig, approved, decided, read)
+    assert decided(state) == ["S1"]
 
 
 async def test_approved_it_does_not_wait_behind_a_plan_that_nobody_answers(
@@ -116,22 +129,3 @@ async def test_approved_it_does_not_wait_behind_a_plan_that_nobody_answers(
     _, given, relief = state.missions.values()
     assert given.preempted == f"{relief.mission.id} goes first: {worker.NOBODY_ANSWERS}"
     assert [entry.mission.id for entry in state.queue] == [given.mission.id]
-
-
-async def test_approved_it_needs_no_confidence_of_a_model_in_its_own_words(rig: Rig) -> None:
-    decided: list[ev.DecisionMade] = []
-
-    def act(event: ev.Event, station: ControlStation) -> None:
-        match event.data:
-            case ev.ApprovalRequested() as asked if asked.standing is not None:
-                station.decide(asked.approved())
-            case ev.StandingOrderApproved():
-                station.inject(SetBattery(asset="Drone_T02", percent=28.0))
-            case ev.DecisionMade() as made:
-                decided.append(made)
-            case _:
-                pass
-
-    read = plan(("Drone_T04", "move_to NorthGate"), ("Drone_T02", "return_to_base"), reason=READ)
-    await shift(rig, act, lambda _: len(decided) == 2, read)
-    assert (decided[1].accepted, decided[1].decision.standing_order) == (True, "S1")

@@ -11,7 +11,6 @@ from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.session.state import MissionTrace, SessionState
-from pa_console.station.headless import run_missions
 from pa_console.station.station import ControlStation
 from pa_console.views.waiting import behind_line
 from tests.rig import Rig
@@ -102,11 +101,7 @@ def test_only_a_question_is_answered(state: str, answer: str, why: str) -> None:
 
 async def talk(rig: Rig, engine: ScriptedEngine, *texts: str) -> list[MissionTrace]:
     """Give one order after another in one session."""
-
-    def sink(event: ev.Event, _state: SessionState) -> None:
-        rig.events.append(event)
-
-    return await run_missions(rig.station(engine), texts, answering(), sink)
+    return await rig.carry_out(rig.station(engine), texts, answering())
 
 
 async def test_an_order_leans_on_the_one_before(rig: Rig) -> None:

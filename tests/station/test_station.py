@@ -6,13 +6,18 @@ from contextlib import aclosing
 import pytest
 
 from pa_console.language.references.conversation import corrects
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.models.catalogue import Catalog
+from pa_console.llm.models.fetching import pull
+from pa_console.mission.approval import standing_approver
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import Decision
 from pa_console.session.state import SessionState
 from pa_console.station import intake
-from pa_console.station.assembly import open_station
+from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import RealTimeClock, SteppedClock
+from pa_console.station.headless import run_missions
 from tests.rig import MISSION, Rig
 from tests.scripted import ScriptedEngine, plan
 
@@ -223,3 +228,38 @@ async def test_never_mind_withdraws_the_plan_that_waits(rig: Rig) -> None:
 )  # fmt: skip
 def test_what_corrects_an_order_begins_as_a_correction(text: str, how: str) -> None:
     assert corrects(text) == how
+
+
+@pytest.mark.parametrize("events", [1, 2, 3])
+async def test_leaving_while_the_model_starts_leaves_no_process_behind(
+    site: Site, events: int
+) -> None:
+    catalog = Catalog.load()
+    pull(catalog.get("smollm2-135m"))
+    engine = Engine(catalog.locate("smollm2-135m"))
+    station = open_station(site, engine, SteppedClock())
+    seen = 0
+    async with asyncio.timeout(300), aclosing(station.run()) as stream:
+        async for _ in stream:
+            seen += 1
+            if seen == events:
+                break
+    assert engine.pid is None
+
+
+@pytest.mark.parametrize("decided", [False, True])
+async def test_a_session_is_watched_no_longer_where_nothing_matters_any_more(
+    rig: Rig, decided: bool
+) -> None:
+    """A refused mission ends at once; the rest of the time is for whoever wants to see it."""
+    ended: list[int] = []
+
+    def sink(event: ev.Event, _: SessionState) -> None:
+        if isinstance(event.data, ev.SessionEnded):
+            ended.append(event.tick)
+
+    never = standing_approver("never")
+    station = rig.station(ScriptedEngine([plan(("Drone_T04", "report"))]))
+    await run_missions(station, [MISSION], never, sink, duration_s=20.0, decided=lambda: decided)
+    [tick] = ended
+    assert (tick * station.world.dt_s < 20.0) == decided

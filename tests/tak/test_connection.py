@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Event as Flag
 from xml.etree.ElementTree import Element
 
 import pytest
@@ -18,9 +19,10 @@ from cryptography.hazmat.primitives.serialization import pkcs12
 
 from pa_console.fleets.vda5050.broker import CA_FILE
 from pa_console.fleets.vda5050.site_files import BROKER, STATION, write_site
-from pa_console.schema.events.event import Event, SessionEnded, TelemetryReceived
+from pa_console.schema.events.event import Event, Noticed, SessionEnded, TelemetryReceived
 from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.tak.connection import (
     PASSWORD_VARIABLE,
@@ -30,7 +32,7 @@ from pa_console.tak.connection import (
     TakServer,
 )
 from pa_console.tak.cot_event import DELETE, CotEvent, element
-from pa_console.tak.session_on_map import SessionOnMap, SiteOnMap
+from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap
 from tests.fleets.broker import free_port
 from tests.sim.running import run
 from tests.tak.taky_server import LIMIT_S, LOOPBACK, Client, Taky
@@ -287,3 +289,55 @@ def _pkcs12(certificate: Certificate, password: bytes) -> bytes:
 def _event(uid: str, *detail: Element) -> CotEvent:
     now = datetime.now(UTC)
     return CotEvent(uid, "a-u-G", now, now, detail=detail)
+
+
+SOON_S = 300.0
+
+
+def pictures(world: World) -> Callable[[int], Event]:
+    picture = Checkpoint(world, seed=1).picture()
+
+    def of(tick: int) -> Event:
+        data = TelemetryReceived(picture=picture.model_copy(update={"tick": tick}))
+        return Event(t=datetime.now(UTC), tick=tick, data=data)
+
+    return of
+
+
+def test_of_the_pictures_that_wait_only_the_newest_is_shown(world: World) -> None:
+    of, begun, go_on = pictures(world), Flag(), Flag()
+    shown: list[Event] = []
+
+    def show(event: Event) -> None:
+        begun.set()
+        assert go_on.wait(SOON_S)
+        shown.append(event)
+
+    told: list[str] = []
+    with InBackground(show, told.append) as background:
+        background.take(of(1))
+        assert begun.wait(SOON_S)
+        for tick in range(2, 100):
+            background.take(of(tick))
+        notice = Noticed(level="info", subject="s", text="t")
+        background.take(Event(t=datetime.now(UTC), tick=99, data=notice))
+        background.take(Event(t=datetime.now(UTC), tick=99, data=SessionEnded(reason="over")))
+        go_on.set()
+    kinds = [(event.tick, event.data.kind) for event in shown]
+    assert kinds == [(1, "telemetry"), (99, "telemetry"), (99, "session_ended")]
+    assert not told
+
+
+def test_a_fault_is_told_once_and_reaches_no_session(world: World) -> None:
+    of = pictures(world)
+    told: SimpleQueue[str] = SimpleQueue()
+
+    def show(event: Event) -> None:
+        raise ZeroDivisionError(f"picture {event.tick}")
+
+    with InBackground(show, told.put) as background:
+        background.take(of(1))
+        assert told.get(timeout=SOON_S) == "nothing more is shown: ZeroDivisionError: picture 1"
+        for tick in range(2, 10):
+            background.take(of(tick))
+    assert told.empty()

@@ -240,7 +240,7 @@ def test_a_session_plans_and_commands_as_without_a_server(
     assert "N1" in told.contacts, "something did come in"
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow], deadline=None)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(chunks=histories)
 def test_what_is_told_is_bounded_and_shown_as_it_is(
     world_site: SiteOnMap, chunks: list[bytes]

@@ -2,5 +2,5 @@
 
 `words` disguises orders that the rules refuse; `histories` takes planner and operator to be on its
 side and looks for a history of orders and events that does harm. `search` keeps and rewrites what
-came nearest. `python -m tests.attacks.adaptive --minutes 60 --seed 1` is a campaign by hand.
+came nearest. `python -m tests.attacks words --count 1000` is a campaign by hand.
 """

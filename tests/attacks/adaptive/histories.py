@@ -27,6 +27,8 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.station import ControlStation
+from tests.attacks.adaptive.search import Outcome, Search
+from tests.attacks.stop_trial import checkpoint
 from tests.rig import MISSION
 from tests.scripted import ScriptedEngine
 
@@ -457,3 +459,19 @@ def _sound(orders: Sequence[tuple[str, str]]) -> Orders:
             continue
         kept[agent] = (agent, command)
     return tuple(kept.values()) or (("Drone_T04", "hold"),)
+
+
+def search() -> Search[History]:
+    """Return the search for a history that does harm."""
+
+    async def judge(history: History) -> Outcome:
+        played = await play(checkpoint(), history)
+        return Outcome(played.nearness, played.harms)
+
+    return Search([(seed.family, seed) for seed in SEEDS], rewritten, judge)
+
+
+def campaign(count: int, seed: int) -> tuple[list[str], list[str]]:
+    """Play so many histories; return what came of them and what was amiss."""
+    tally = asyncio.run(search().run(seed, count))
+    return tally.told, tally.amiss

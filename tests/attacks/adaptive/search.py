@@ -4,9 +4,7 @@ Each family has a population of its own. A parent is drawn from the nearest of i
 from all, so that the search does not end in one corner. Equal seeds make equal searches.
 """
 
-import asyncio
 import random
-import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -20,42 +18,22 @@ CURIOUS = 0.2
 
 
 @dataclass
-class Found:
-    """One kind of harm as it was first found: the family, the harm, and the attack in words."""
-
-    family: str
-    harm: str
-    attack: str
-    seed: int
-    at_try: int
-
-    def __str__(self) -> str:
-        return f"{self.family}, try {self.at_try}, seed {self.seed}: {self.harm}\n    {self.attack}"
-
-
-@dataclass
 class Tally:
-    """Tries and hits by family, and the first hit of each kind."""
+    """Tries by family, and the first attack that did each harm."""
 
     tries: Counter[str] = field(default_factory=Counter[str])
-    hits: Counter[str] = field(default_factory=Counter[str])
-    found: dict[tuple[str, str], Found] = field(default_factory=dict[tuple[str, str], Found])
-
-    def note(self, family: str, harms: dict[str, str], attack: str, seed: int) -> list[Found]:
-        """Count one try and return what came of it."""
-        self.tries[family] += 1
-        self.hits[family] += bool(harms)
-        now: list[Found] = []
-        for harm, how in harms.items():
-            now.append(Found(family, f"{harm}: {how}", attack, seed, self.tries[family]))
-            self.found.setdefault((family, harm), now[-1])
-        return now
+    hits: dict[tuple[str, str], str] = field(default_factory=dict[tuple[str, str], str])
 
     @property
-    def table(self) -> str:
-        """The table attack family | tries | hits, then the first hit of each kind."""
-        rows = [f"{name} | {self.tries[name]} | {self.hits[name]}" for name in sorted(self.tries)]
-        return "\n".join(("attack family | tries | hits", *rows, *map(str, self.found.values())))
+    def told(self) -> list[str]:
+        """The table attack family | tries."""
+        rows = [f"{name} | {count}" for name, count in sorted(self.tries.items())]
+        return ["attack family | tries", *rows]
+
+    @property
+    def amiss(self) -> list[str]:
+        """Each harm with the attack that did it."""
+        return [f"{family}: {harm}\n    {how}" for (family, harm), how in self.hits.items()]
 
 
 @dataclass
@@ -92,25 +70,13 @@ class Search(Generic[A]):
     rewrite: Callable[[random.Random, A, list[A]], A]
     """Returns an attack after one rewrite; the last argument is the family's population."""
     judge: Callable[[A], Awaitable[Outcome]]
-    tell: Callable[[A], str]
-    """Returns an attack in words."""
-    hear: Callable[[Found], None] = lambda _found: None
-    """Is told every hit as it comes."""
-    tally: Tally = field(default_factory=Tally)
-    _populations: dict[str, _Population[A]] = field(default_factory=dict[str, _Population[A]])
 
-    async def run(
-        self, seed: int, *, tries: int | None = None, seconds: float | None = None
-    ) -> Tally:
-        """Search until so many tries are made or, by the clock, so many seconds have passed.
-
-        A second run goes on with what the first one kept.
-        """
-        rng, end = random.Random(seed), None if seconds is None else time.monotonic() + seconds
-        populations, made = self._populations, 0
-        waiting = [] if populations else list(self.seeds)
+    async def run(self, seed: int, tries: int) -> Tally:
+        """Search until so many tries are made; return what came of them."""
+        rng, tally, waiting = random.Random(seed), Tally(), list(self.seeds)
         families = list(dict.fromkeys(family for family, _ in self.seeds))
-        while (tries is None or made < tries) and (end is None or time.monotonic() < end):
+        populations = {family: _Population[A]() for family in families}
+        for made in range(tries):
             if waiting:
                 family, attack = waiting.pop(0)
             else:
@@ -119,12 +85,9 @@ class Search(Generic[A]):
                 attack = population.parent(rng)
                 for _ in range(rng.choice((1, 1, 2, 3))):
                     attack = self.rewrite(rng, attack, [known for _, known in population.kept])
-            await asyncio.sleep(0)  # so that a campaign can be cut short between any two tries
             outcome = await self.judge(attack)
-            made += 1
-            for hit in self.tally.note(family, outcome.harms, self.tell(attack), seed):
-                self.hear(hit)
-            populations.setdefault(family, _Population()).take(
-                outcome.nearness + bool(outcome.harms), attack
-            )
-        return self.tally
+            tally.tries[family] += 1
+            for harm, how in outcome.harms.items():
+                tally.hits.setdefault((family, harm), f"try {made}: {how}: {attack!r}")
+            populations[family].take(outcome.nearness + bool(outcome.harms), attack)
+        return tally
