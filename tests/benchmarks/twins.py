@@ -3,7 +3,6 @@
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.options import WorldOption
@@ -13,8 +12,8 @@ from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
-from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from pa_console.terminal.output import out
+from tests.benchmarks.harness import JsonFileOption, keep, progress
 
 
 def twins(
@@ -23,19 +22,18 @@ def twins(
     json: JsonFileOption = None,
 ) -> None:
     """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
-    found, path = open_world(world)
+    played, path = open_world(world)
     names = [name for name, _ in list_scenarios(path)]
     if not names:
         raise ValueError(f"{path.parent}: there is no situation beside this world to be played")
     rows: list[dict[str, object]] = []
-    with Progress(console=errors, transient=True) as progress:
-        task = progress.add_task("situations", total=len(names) * seeds)
+    with progress() as tell:
         for name in names:
-            scenario = open_scenario(found, path, name).scenario
+            scenario = open_scenario(played, path, name).scenario
             for seed in range(seeds):
-                one, other = repeated_hashes(found, scenario, seed)
+                tell(f"{name}, seed {seed}", len(rows) / (len(names) * seeds))
+                one, other = repeated_hashes(played, scenario, seed)
                 rows.append({"scenario": name, "seed": seed, "sha256": one, "equal": one == other})
-                progress.advance(task)
     table = Table("situation", "seed", "telemetry SHA-256", "equal")
     for row in rows:
         table.add_row(

@@ -21,7 +21,7 @@ from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule
 from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from tests.benchmarks.harness import JsonFileOption, keep
 from tests.benchmarks.retrieval.distractors import distractors
 from tests.benchmarks.retrieval.quality import (
     DEPTH,

@@ -17,11 +17,11 @@ from pa_console.llm.roles.planner import read_plan
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.station.assembly import Site
+from tests.benchmarks.harness import Memory
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison
 from tests.benchmarks.speed.decoding import RAW_MODULE, Pass, comparisons, measure_decoding
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions
-from tests.benchmarks.speed.memory import Memory
 from tests.benchmarks.speed.messages import (
     MeasureSpeed,
     PlainAnswer,
@@ -30,9 +30,14 @@ from tests.benchmarks.speed.messages import (
     plan_schema,
     verdict_schema,
 )
-from tests.benchmarks.speed.plain_way import PLAIN_MODULE, PlainWay
-from tests.benchmarks.speed.planner import Measured, Round, measure_missions
-from tests.benchmarks.speed.planner import comparisons as mission_comparisons
+from tests.benchmarks.speed.missions import (
+    PLAIN_MODULE,
+    Measured,
+    PlainWay,
+    Round,
+    measure_missions,
+)
+from tests.benchmarks.speed.missions import comparisons as mission_comparisons
 from tests.scripted import ScriptedEngine, plan
 
 pytestmark = pytest.mark.long
