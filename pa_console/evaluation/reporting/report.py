@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, cast
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from pa_console.evaluation.jobs import ABOUT
+from pa_console.evaluation.reporting.drawing import inline, render
 from pa_console.evaluation.reporting.figures import (
     ABLATION,
     FAILURES,
@@ -16,8 +17,6 @@ from pa_console.evaluation.reporting.figures import (
     SUCCESS,
     Drawn,
     build_figures,
-    inline,
-    render,
 )
 from pa_console.evaluation.reporting.statistics import (
     Records,
@@ -273,11 +272,11 @@ def markdown_cell(text: str) -> str:
 
 
 def _write_figure(folder: Path, drawn: Drawn) -> ReportFigure:
-    svg, png = render(drawn)
+    svg, png = render(drawn.name, drawn.draw)
     file = f"{FIGURES}/{drawn.name}.svg"
     (folder / file).write_bytes(svg)
     (folder / FIGURES / f"{drawn.name}.png").write_bytes(png)
-    return ReportFigure(drawn, file, inline(svg, drawn))
+    return ReportFigure(drawn, file, inline(svg, drawn.alt))
 
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:

@@ -11,6 +11,7 @@ from pa_console.evaluation.reporting.statistics import (
     MISSION_SET,
     MODELS,
     NOTHING,
+    Cell,
     Quantity,
     Records,
     ReportTable,
@@ -22,11 +23,13 @@ from pa_console.evaluation.reporting.statistics import (
     grouped,
     main_runs,
     main_variant,
+    model_groups,
     percent,
     published,
     rate_cell,
     seconds,
     spread,
+    table_of,
 )
 from pa_console.evaluation.reporting.tables_judgement import refusal_recall
 from pa_console.evaluation.run_record import RunRecord
@@ -98,12 +101,15 @@ DERIVED = "* not stated by the paper, but follows from numbers that it states."
 
 def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
     """Return how many of `records` are a success by `name`."""
-    fields: dict[SuccessKind, Callable[[RunRecord], bool | None]] = {
-        "hybrid": lambda record: record.hybrid,
-        "strict": lambda record: record.strict,
-        "obeyed": lambda record: record.obeyed,
-    }
-    return SuccessRate.of(map(fields[name], records))
+    return SuccessRate.of(getattr(record, name) for record in records)
+
+
+SCORES: dict[str, Callable[[Records], SuccessRate]] = {
+    "hybrid": lambda runs: success_rate(runs, "hybrid"),
+    "strict": lambda runs: success_rate(runs, "strict"),
+    "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
+}
+"""The columns of success."""
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
@@ -159,54 +165,34 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTabl
 
 def figure_three(records: Records) -> ReportTable:
     """Return overall success by model (Fig. 3), the paper's models below ours."""
-    rows = [(model, *_scores(runs)) for model, runs in by_model(records).items()]
-    rows += [
+    title, note = "Fig. 3: overall success by model", f"{CELL} {DERIVED}"
+    own = table_of("figure-3", title, ("Model",), SCORES, model_groups(records), note)
+    theirs = [
         (f"paper: {full}", paper_cell(model, "hybrid"), paper_cell(model, "strict"), NOTHING)
         for model, full in MODELS.items()
     ]
-    return ReportTable(
-        name="figure-3",
-        title="Fig. 3: overall success by model",
-        columns=("Model", "hybrid", "strict", "strict if the judge is obeyed"),
-        rows=tuple(rows),
-        note=f"{CELL} {DERIVED}",
-    )
-
-
-def _scores(records: Records) -> tuple[str, ...]:
-    return tuple(rate_cell(success_rate(records, name)) for name in ("hybrid", "strict", "obeyed"))
+    return own.model_copy(update={"rows": (*own.rows, *theirs)})
 
 
 def _by_set(records: Records) -> ReportTable:
-    rows = [
-        (name, model, str(len({run.mission for run in found})), *_scores(found))
+    groups = {
+        (name, model): model_runs
         for name, runs in by_set(records).items()
-        for model, found in by_model(runs).items()
-    ]
-    return ReportTable(
-        name="sets",
-        title="Success by mission set and model",
-        columns=(
-            "Set", "Model", "missions", "hybrid", "strict", "strict if the judge is obeyed",
-        ),
-        rows=tuple(rows),
-        note=CELL,
-    )  # fmt: skip
+        for model, model_runs in by_model(runs).items()
+    }
+    columns: dict[str, Callable[[Records], Cell]] = {
+        "missions": lambda runs: len({run.mission for run in runs}),
+        **SCORES,
+    }
+    title = "Success by mission set and model"
+    return table_of("sets", title, ("Set", "Model"), columns, groups, CELL)
 
 
 def _by_category(records: Records, name: str) -> ReportTable:
-    def place(record: RunRecord) -> tuple[str, str]:
-        return record.category, record.model
-
-    groups = grouped(sorted(records, key=lambda record: record.category), place)
-    rows = [(category, model, *_scores(runs)) for (category, model), runs in groups.items()]
-    return ReportTable(
-        name=f"categories-{name}",
-        title=f"Success by category: {name}",
-        columns=("Category", "Model", "hybrid", "strict", "strict if the judge is obeyed"),
-        rows=tuple(rows),
-        note=CELL,
-    )
+    categories = sorted(records, key=lambda record: record.category)
+    groups = grouped(categories, lambda record: (record.category, record.model))
+    title = f"Success by category: {name}"
+    return table_of(f"categories-{name}", title, ("Category", "Model"), SCORES, groups, CELL)
 
 
 class Difference(NamedTuple):
