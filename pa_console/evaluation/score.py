@@ -15,7 +15,6 @@ from pydantic import BaseModel
 from pa_console.evaluation.oracle import find_breaches
 from pa_console.evaluation.run_facts import (
     STAYING,
-    AssetTruth,
     IssuedCommand,
     RuleBreach,
     RunFacts,
@@ -40,6 +39,23 @@ _SAID = re.compile(
 _IN = re.compile(
     r"(?:'([^'\\]*)'|\"([^\"\\]*)\")\s+in\s+run\s*\.\s*(moved|reports|gates|coverage|visited)\b(?!\s*\[)"
 )
+_FUNCTIONS = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
+_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
+
+FROM_ORDERS = frozenset(
+    (
+        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
+        "grace_s", "standoff_m", "gates", "base",
+    )
+)  # fmt: skip
+"""Success conditions that depend on the command, the orders and their answers alone, if no order
+has sent an asset anywhere."""
+
+SETTLE_S = 2.0
+"""The time for the set-up to show before the command is given, seconds."""
 
 
 def wrong_name(source: str, world: World | None) -> str:
@@ -109,12 +125,6 @@ _WORDS = _vocabulary()
 _FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_fields)
 
 
-_FUNCTIONS = frozenset(
-    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
-)
-_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
-
-
 @dataclass(frozen=True)
 class Conditions:
     """Compiled success conditions, in the order of their sources."""
@@ -149,9 +159,6 @@ def compile_condition(source: str, world: World | None = None) -> cel.Program:
     return program
 
 
-_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
-
-
 def asked_fields(source: str) -> frozenset[str]:
     """Return the fields of `run` that a condition asks for; '' stands for `run` as a whole."""
     return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
@@ -182,18 +189,8 @@ def _syntax_problem(error: ValueError) -> str:
     return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
 
 
-FROM_ORDERS = frozenset(
-    (
-        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
-        "grace_s", "standoff_m", "gates", "base",
-    )
-)  # fmt: skip
-"""Success conditions that depend on the command, the orders and their answers alone, if no order
-has sent an asset anywhere."""
-
-
 def is_decided(case: MissionCase, recording: RunRecording) -> bool:
-    """Return whether the score of a finished run of `case` can no longer change.
+    """Return True if the score of a finished run of `case` can no longer change.
 
     It cannot if all orders were to hold or to report and were answered, and the conditions depend
     on orders alone. No order can then move an asset, and only orders break a rule (see oracle.py).
@@ -267,24 +264,9 @@ class RunRecorder:
 
 def _sample(sim: Checkpoint, time_s: float) -> Sample:
     truth = sim.truth()
-    assets = {
-        name: AssetTruth(
-            id=name,
-            kind=asset.kind,
-            position=asset.position,
-            at=asset.at or "",
-            post=asset.post or "",
-            task=asset.task,
-            status=asset.status,
-            available=asset.available,
-            battery_pct=asset.battery_pct,
-            command_id=asset.command_id or "",
-        )
-        for name, asset in truth.assets.items()
-    }
     return Sample(
         time_s=time_s,
-        assets=assets,
+        assets=truth.assets,
         contacts={contact.id: contact for contact in sim.true_contacts()},
         cover={gate: cover.by for gate, cover in truth.gates.items()},
     )
@@ -312,10 +294,6 @@ def score_run(
     """Judge a finished run that `recorder` has followed; `enforced` are the rule ids in force."""
     facts = recorder.finish(status)
     return score(case, facts, find_breaches(recorder.recording, enforced))
-
-
-SETTLE_S = 2.0
-"""The time for the set-up to show before the command is given, seconds."""
 
 
 def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:

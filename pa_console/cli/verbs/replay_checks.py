@@ -10,7 +10,8 @@ from rich.text import Text
 
 from pa_console.cli.progress_bars import read_recording
 from pa_console.cli.sessions.recorded import run_console, site_of
-from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
+from pa_console.evaluation.changed_decisions import SessionEffect
+from pa_console.evaluation.recorded_decisions import decided_again
 from pa_console.evaluation.twin import Resimulation, resimulate
 from pa_console.schema.document import DocumentError
 from pa_console.schema.events.event import Event, SessionStarted
