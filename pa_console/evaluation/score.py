@@ -5,7 +5,6 @@ Success conditions of missions are CEL over `run`, compiled once, their names ch
 
 import re
 from collections.abc import Collection, Iterator, Sequence, Set
-from dataclasses import dataclass
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin
 
@@ -125,24 +124,11 @@ _WORDS = _vocabulary()
 _FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_fields)
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """Compiled success conditions, in the order of their sources."""
-
-    sources: tuple[str, ...]
-    programs: tuple[cel.Program, ...]
-
-
-def compile_conditions(sources: Sequence[str], world: World | None = None) -> Conditions:
-    """Compile `sources`; raises ValueError for what is not CEL or asks for what no run has.
+def compile_condition(source: str, world: World | None = None) -> cel.Program:
+    """Compile a success condition; raises ValueError if it is not CEL or names what no run has.
 
     With `world`, gates and assets named as keys must exist in it.
     """
-    return Conditions(tuple(sources), tuple(compile_condition(text, world) for text in sources))
-
-
-def compile_condition(source: str, world: World | None = None) -> cel.Program:
-    """Compile one condition; raises ValueError as `compile_conditions` does."""
     try:
         program = cel.compile(source)
     except ValueError as error:
@@ -164,11 +150,15 @@ def asked_fields(source: str) -> frozenset[str]:
     return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
 
 
-def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
-    """Return the sources that do not hold; one that cannot be evaluated includes its error."""
+def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...]:
+    """Return the conditions that do not hold; one that cannot be evaluated includes its error.
+
+    Raises ValueError for a condition that does not compile.
+    """
     context = cel.Context(variables={"run": facts.document()})
+    programs = [(source, compile_condition(source)) for source in sources]
     failed: list[str] = []
-    for source, program in zip(conditions.sources, conditions.programs, strict=True):
+    for source, program in programs:
         try:
             value: Any = program.execute(context)
         except Exception as error:  # the CEL runtime raises many kinds; all mean "does not hold"
@@ -183,10 +173,10 @@ def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
 
 def _syntax_problem(error: ValueError) -> str:
     """Return where the parser stumbled, without the expression that it repeats."""
-    found = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
-    if found is None:
+    place = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
+    if place is None:
         return str(error).splitlines()[0]
-    return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
+    return f"line {place[1]}, column {place[2]}: {place[3].split(' expecting ')[0]}"
 
 
 def is_decided(case: MissionCase, recording: RunRecording) -> bool:
@@ -283,8 +273,7 @@ class Score(StrictModel):
 def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) -> Score:
     """Judge the facts of a run of `case`; its conditions see the broken rules as `run.broken`."""
     ids = tuple(sorted({breach.rule_id for breach in breaches}))
-    known = facts.model_copy(update={"broken": ids})
-    failed = evaluate(compile_conditions(case.success), known)
+    failed = failed_conditions(case.success, facts.model_copy(update={"broken": ids}))
     return Score(strict=not failed and not breaches, failed=failed, broken=tuple(breaches))
 
 

@@ -1,6 +1,5 @@
 """`python -m tests.benchmarks`: what the benchmarks compare, keep and refuse."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -176,15 +175,3 @@ def test_degradation_runs_only_what_its_file_lacks(
     table = bench(*words)
     assert ran == [0, 2]
     assert "asked 0 times" in table.said
-
-
-@pytest.mark.usefixtures("no_model")
-def test_a_file_of_something_else_is_refused_by_line(bench: Measure, tmp_path: Path) -> None:
-    path = tmp_path / "runs.jsonl"
-    RunFile(path).add("calm", 0, RUN)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"condition": "calm"}) + "\n")
-    done = bench("degradation", "--out", str(path))
-    assert done.code == 2
-    assert f"{path}:2" in done.err
-    assert "remove it" in done.err

@@ -1,12 +1,13 @@
 """The same situation twice, which must be the same telemetry."""
 
+import hashlib
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from pa_console.cli.options import WorldOption
-from pa_console.evaluation.twin import TelemetryHash
+from pa_console.evaluation.twin import telemetry_bytes
 from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
@@ -57,12 +58,12 @@ def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, s
     every = max(1, round(world.telemetry_period_s / world.dt_s))
     hashes: list[str] = []
     for forked in (False, True):
-        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
-        telemetry.add(sim.picture())
+        sim, telemetry = Checkpoint(world, seed, scenario), hashlib.sha256()
+        telemetry.update(telemetry_bytes(sim.picture()))
         while sim.time_s < scenario.duration_s:
             sim = sim.fork() if forked else sim
             for _ in range(every):
                 sim.step()
-            telemetry.add(sim.picture())
+            telemetry.update(telemetry_bytes(sim.picture()))
         hashes.append(telemetry.hexdigest())
     return hashes[0], hashes[1]

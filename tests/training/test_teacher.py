@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pa_console.evaluation.score import compile_conditions
+from pa_console.evaluation.score import compile_condition
 from pa_console.language.canonical.order import Ask, Who
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.policy.findings import problems
@@ -55,7 +55,8 @@ def test_every_plan_can_be_started_and_its_aim_be_scored(seed: int) -> None:
         order, _ = sample_order(rng, world, picture, situation.digest)
         target: Target | None = teach(order, world, picture, situation.digest)
         while target is not None:
-            compile_conditions(target.success, world)
+            for source in target.success:
+                compile_condition(source, world)
             for plan in (target.plan, *target.alternatives):
                 assert not problems(plan, world, picture)
                 assert all(picture.assets[agent].available for agent in plan.agents)

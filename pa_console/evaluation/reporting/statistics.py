@@ -1,14 +1,14 @@
 """Groups of runs, rates with Wilson intervals, and the paper's own results beside them.
 
 O. Solanki, L. Praharaj, D. Gupta, M. Gupta, "A Policy-Aware Edge LLM-RAG Framework for Internet of
-Battlefield Things Mission Orchestration", Section V. Its figures are not in the text that we have:
-a value that only a figure would show is missing here, not guessed.
+Battlefield Things Mission Orchestration", Section V.
 """
 
 import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import Literal, NamedTuple, TypeVar
 
@@ -18,12 +18,45 @@ from pydantic import model_validator
 from pa_console.evaluation.jobs import REFERENCE
 from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
 
 Records = Sequence[RunRecord]
 Group = TypeVar("Group")
 Key = TypeVar("Key")
 Interval = tuple[float, float, float]
 """A value with the two ends of its interval."""
+
+Z95 = 1.959963984540054
+"""The normal quantile of a two-sided interval of 95 %."""
+
+NOTHING = "-"
+"""The cell of a value that there is not."""
+
+_NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
+
+Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
+
+
+class PaperFigure(StrictModel):
+    """One number of the paper; `derived` when it follows from others that the text states."""
+
+    value: float
+    derived: bool = False
+
+
+class _Paper(StrictModel):
+    """The file `paper.yaml`."""
+
+    models: dict[str, str]
+    hybrid_by_category: dict[str, dict[str, float]]
+    results: dict[str, dict[str, PaperFigure]]
+
+
+_PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
+MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
+
+MISSION_SET = "paper"
+"""The mission set that holds the paper's ten commands; only runs of it are comparable."""
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:
@@ -93,68 +126,9 @@ def ablated_models(records: Records) -> list[str]:
     return [model for model in by_model(records) if variants[model] > 1]
 
 
-MISSION_SET = "paper"
-"""The mission set that holds the paper's ten commands; only runs of it are comparable."""
-
-MODELS = {
-    "Gemma": "Gemma-2B",
-    "LLaMA": "LLaMA-3.1-8B",
-    "Mistral": "Mistral-7B",
-    "Qwen": "Qwen-2.5-7B",
-}
-"""The paper's models by the short name of its Table I (Section V-A)."""
-
-Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
-
-
-class PaperFigure(NamedTuple):
-    """One number of the paper; `derived` when it follows from others that the text states."""
-
-    value: float
-    derived: bool = False
-
-
-HYBRID_BY_CATEGORY: dict[str, dict[str, float]] = {
-    "Baseline": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.5},
-    "Unknown Events": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.0},
-    "Recovery": {"Gemma": 1.0, "LLaMA": 0.5, "Mistral": 0.5, "Qwen": 0.5},
-    "Multi-Event": {"Gemma": 1.0, "LLaMA": 0.75, "Mistral": 1.0, "Qwen": 0.0},
-    "Policy": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.0},
-}
-"""Table I: hybrid success by category and model."""
-
-RESULTS: dict[str, dict[str, PaperFigure]] = {
-    "Gemma": {
-        "hybrid": PaperFigure(1.0),
-        "strict": PaperFigure(1.0),
-        "latency_s": PaperFigure(4.17),
-        "f1": PaperFigure(0.95),
-    },
-    "LLaMA": {"hybrid": PaperFigure(0.8), "strict": PaperFigure(0.7)},
-    "Mistral": {"hybrid": PaperFigure(0.9, derived=True)},
-    "Qwen": {
-        "hybrid": PaperFigure(0.2, derived=True),
-        "latency_s": PaperFigure(6.79),
-        "precision": PaperFigure(1.0),
-        "recall": PaperFigure(0.78),
-        "f1": PaperFigure(2 * 1.0 * 0.78 / (1.0 + 0.78), derived=True),
-    },
-}
-"""The published results of each model over all its missions, from the captions of Figs. 3 to 5.
-
-Hybrid success of Mistral and Qwen follows from Table I: with ten missions and one run each, its
-shares leave only one division of the missions into categories. Qwen's F1 follows from its precision
-and recall.
-"""
-
-
 def published(model: str, quantity: str) -> PaperFigure | None:
     """Return the paper's value of `quantity` for its `model`, None where its text gives none."""
-    return RESULTS.get(model, {}).get(quantity)
-
-
-Z95 = 1.959963984540054
-"""The normal quantile of a two-sided interval of 95 %."""
+    return _PAPER.results.get(model, {}).get(quantity)
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
@@ -289,12 +263,6 @@ def spread(values: Sequence[float]) -> Spread | None:
     return Spread(
         len(values), fmean(values), margin, median(values), float(np.percentile(values, 95))
     )
-
-
-NOTHING = "-"
-"""The cell of a value that there is not."""
-
-_NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 
 
 class ReportTable(StrictModel):

@@ -33,13 +33,6 @@ def result(**changes: object) -> RunResult:
     return RunResult.model_validate(values | changes)
 
 
-def test_the_rows_are_those_that_are_to_be_shown() -> None:
-    assert [c.loss for c in CONDITIONS if c.name.startswith("link")] == [0.0, 0.1, 0.3, 0.6]
-    assert [c.noise_m for c in CONDITIONS if "noise" in c.name] == [0, 2, 5, 10]
-    assert [c.failures for c in CONDITIONS if "failed" in c.name] == [1, 2, 3, 4]
-    assert len({c.name for c in CONDITIONS}) == len(CONDITIONS)
-
-
 def test_a_condition_worsens_what_it_names_and_nothing_else() -> None:
     assert worsened(WORLD, Disturbance(name="as it is", loss=WORLD.radio.loss)) == WORLD
     noisy = worsened(WORLD, Disturbance(name="noisy", noise_m=10.0, loss=0.6))

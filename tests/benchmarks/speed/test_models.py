@@ -1,6 +1,5 @@
 """The parts of the benchmark that need a model: processes, and what is made of the answers."""
 
-import asyncio
 import json
 import os
 from collections.abc import Callable
@@ -134,22 +133,6 @@ async def test_our_decoder_and_bare_llama_read_the_same_prompt(tiny: LocalModel)
     [first, _] = passes
     forced = len(first.ours[0].answer.tokens) - first.ours[0].chosen
     assert f"{forced} forced by the grammar" in lines[-1].note
-
-
-async def test_a_child_that_is_asked_for_no_more_ends_in_the_middle_of_its_work(
-    tiny: LocalModel,
-) -> None:
-    child = await Child.start(PLAIN_MODULE, load(tiny.path))
-    endless = PlainAsk(
-        system="Write.", user="On.", answer_schema='{"type": "string"}', max_tokens=400
-    )
-    asking = asyncio.create_task(child.ask(endless, PlainAnswer))
-    await asyncio.sleep(0)
-    asking.cancel()
-    await child.close()
-    assert not alive(child.pid)
-    with pytest.raises(EngineError, match="ended"):
-        await child.ask(endless, PlainAnswer)
 
 
 @pytest.mark.parametrize("measure", [measure_decoding, measure_missions])
