@@ -29,6 +29,7 @@ from pa_console.evaluation.reporting.drawing import (
 from pa_console.evaluation.reporting.statistics import (
     HYBRID_BY_CATEGORY,
     MODELS,
+    TEXTS,
     Interval,
     Quantity,
     Records,
@@ -335,62 +336,21 @@ def build_figures(records: Records) -> list[Drawn]:
         return []
     shown, beside = paper or main, bool(paper)
     figures = [
-        Drawn(
-            SUCCESS,
-            "figure-3",
-            "Fig. 3: overall success by model",
-            "Bars of hybrid and strict success by model with 95 % intervals.",
-            partial(figure_three, shown, beside),
-        ),
-        Drawn(
-            SUCCESS,
-            "table-1",
-            "Table I: success by scenario category and model",
-            "Bars of hybrid and of strict success by category and model with 95 % intervals.",
-            partial(table_one, shown, beside),
-        ),
-        Drawn(
-            LATENCY,
-            "figure-4",
-            "Fig. 4: latency by model",
-            "Bars of the mean decision and end-to-end latency by model.",
-            partial(figure_four, shown, beside),
-        ),
-        Drawn(
-            LATENCY,
-            "stages",
-            "Latency by stage",
-            "Stacked bars of the mean seconds of each stage by model.",
-            partial(stages, main),
-        ),
-        Drawn(
-            JUDGE,
-            "figure-5",
-            "Fig. 5: the judge against the truth",
-            "Bars of precision, recall and F1 of the judge by model with 95 % intervals.",
-            partial(figure_five, shown, beside),
-        ),
+        _drawn(SUCCESS, "figure-3", partial(figure_three, shown, beside)),
+        _drawn(SUCCESS, "table-1", partial(table_one, shown, beside)),
+        _drawn(LATENCY, "figure-4", partial(figure_four, shown, beside)),
+        _drawn(LATENCY, "stages", partial(stages, main)),
+        _drawn(JUDGE, "figure-5", partial(figure_five, shown, beside)),
     ]
     if confidence_and_success(main):
-        figures.append(
-            Drawn(
-                JUDGE,
-                "reliability",
-                "Calibration: success by confidence",
-                "Strict success of the runs of each tenth of confidence by model, beside the "
-                "diagonal on which confidence says how often an order is understood.",
-                partial(reliability_diagram, main),
-            )
-        )
+        figures.append(_drawn(JUDGE, "reliability", partial(reliability_diagram, main)))
     for number, model in enumerate(ablated_models(records), start=1):
         runs = [record for record in records if record.model == model]
-        figures.append(
-            Drawn(
-                ABLATION,
-                f"ablation-{number}",
-                f"Ablation: success by variant ({model})",
-                "Dots of strict, obeyed and hybrid success by variant with 95 % intervals.",
-                partial(ablation, runs),
-            )
-        )
+        figure = _drawn(ABLATION, "ablation", partial(ablation, runs), of=model)
+        figures.append(figure._replace(name=f"ablation-{number}"))
     return figures
+
+
+def _drawn(section: str, name: str, draw: Callable[[], "Figure"], **values: str) -> Drawn:
+    text = TEXTS.figures[name]
+    return Drawn(section, name, text.title.format(**values), text.alt, draw)

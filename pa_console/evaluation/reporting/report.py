@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-import yaml
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from pa_console.evaluation.jobs import ABOUT
@@ -20,6 +19,7 @@ from pa_console.evaluation.reporting.figures import (
     build_figures,
 )
 from pa_console.evaluation.reporting.statistics import (
+    TEXTS,
     Records,
     ReportTable,
     by_model,
@@ -58,7 +58,6 @@ FLAGS = {
 }
 """The filters of the table of runs, beside the kinds of failure."""
 
-TERMS = Path(__file__).with_name("terms.yaml")
 _KNOWN = {"models", "variants", "mission_sets", "seeds", "runs", "seconds", "reuse"}
 
 
@@ -218,7 +217,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
     content = {
         "facts": facts(records, about),
         "notes": notes(records, about),
-        "definitions": yaml.safe_load(TERMS.read_bytes()),
+        "definitions": TEXTS.terms,
         "sections": sections,
         "rows": [_row(record, kinds) for record in records],
         "flags": FLAGS,

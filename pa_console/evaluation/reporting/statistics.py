@@ -52,6 +52,29 @@ class _Paper(StrictModel):
     results: dict[str, dict[str, PaperFigure]]
 
 
+class TableText(StrictModel):
+    """The title and the note of a table."""
+
+    title: str
+    note: str
+
+
+class FigureText(StrictModel):
+    """The title of a figure, and its description in words."""
+
+    title: str
+    alt: str
+
+
+class _Texts(StrictModel):
+    """The file `texts.yaml`."""
+
+    terms: dict[str, str]
+    tables: dict[str, TableText]
+    figures: dict[str, FigureText]
+
+
+TEXTS = Document.read(Path(__file__).with_name("texts.yaml")).parse(_Texts)
 _PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
 MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
 
@@ -290,24 +313,35 @@ Cell = str | int | SuccessRate
 """The content of a cell; a rate is written as `rate_cell` writes it."""
 
 
-def table_of(  # noqa: PLR0917 - the parts of a table, top to bottom
-    name: str,
-    title: str,
+def table_of(
+    kind: str,
     keys: Sequence[str],
     columns: Mapping[str, Callable[[Group], Cell]],
     groups: Mapping[tuple[str, ...], Group],
-    note: str,
+    **values: object,
 ) -> ReportTable:
-    """Return a table with a row for each of `groups`: its key under `keys`, then each column."""
+    """Return the table `kind` with a row for each of `groups`: its key, then each column.
+
+    `values` stand in the title and the note.
+    """
+    rows = [
+        (*key, *(_written(column(group)) for column in columns.values()))
+        for key, group in groups.items()
+    ]
+    return table_of_rows(kind, (*keys, *columns), rows, **values)
+
+
+def table_of_rows(
+    kind: str, columns: Sequence[str], rows: Sequence[tuple[str, ...]], **values: object
+) -> ReportTable:
+    """Return the table `kind` of `rows`; the value `of`, if there is one, ends its name."""
+    text = TEXTS.tables[kind]
     return ReportTable(
-        name=name,
-        title=title,
-        columns=(*keys, *columns),
-        rows=tuple(
-            (*key, *(_written(column(group)) for column in columns.values()))
-            for key, group in groups.items()
-        ),
-        note=note,
+        name=f"{kind}-{values['of']}" if "of" in values else kind,
+        title=text.title.format(**values),
+        columns=tuple(columns),
+        rows=tuple(rows),
+        note=text.note.format(**values),
     )
 
 

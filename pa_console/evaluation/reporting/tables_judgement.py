@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 
 from pa_console.evaluation.jobs import VARIANTS
 from pa_console.evaluation.reporting.statistics import (
-    MISSION_SET,
     MODELS,
     NOTHING,
     Cell,
@@ -31,6 +30,7 @@ from pa_console.evaluation.reporting.statistics import (
     published,
     rate_cell,
     table_of,
+    table_of_rows,
 )
 from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
@@ -72,30 +72,27 @@ def judge_tables(records: Records) -> list[ReportTable]:
     main, paper = main_runs(records), comparable_runs(records)
     tables = [_figure_five(paper)] if paper else []
     if len(paper) < len(main):
-        tables.append(_judged(main, "judge-all", "Judgements against the truth: all missions"))
+        tables.append(_judged(main, "judge-all"))
     tables.append(_refusals(main))
     return [table for table in tables if table.rows]
 
 
 def _figure_five(records: Records) -> ReportTable:
-    own = _judged(records, "figure-5", f"Fig. 5: judgements against the truth: {MISSION_SET}")
     quantities: tuple[Quantity, ...] = ("precision", "recall", "f1")
     starred = False
     rows: list[tuple[str, ...]] = []
     for model, full in MODELS.items():
-        cells: list[str] = []
-        for quantity in quantities:
-            value = published(model, quantity)
-            cells.append(NOTHING if value is None else f"{value.value:.2f}" + "*" * value.derived)
-            starred = starred or bool(value and value.derived)
-        if any(cell != NOTHING for cell in cells):
+        values = [published(model, quantity) for quantity in quantities]
+        if any(values):
+            cells = [f"{v.value:.2f}" + "*" * v.derived if v else NOTHING for v in values]
             rows.append((f"paper: {full}", "judge", *[NOTHING] * 5, *cells, NOTHING, NOTHING))
+            starred = starred or any(value is not None and value.derived for value in values)
     star = " * follows from precision and recall." if starred else ""
-    note = f"{own.note} The paper does not say how its positives were counted.{star}"
-    return own.model_copy(update={"rows": (*own.rows, *rows), "note": note})
+    own = _judged(records, "figure-5", star=star)
+    return own.model_copy(update={"rows": (*own.rows, *rows)})
 
 
-def _judged(records: Records, name: str, title: str) -> ReportTable:
+def _judged(records: Records, kind: str, **values: str) -> ReportTable:
     columns: dict[str, Callable[[Confusion], Cell]] = {
         "TP": lambda counts: counts.tp,
         "FP": lambda counts: counts.fp,
@@ -113,18 +110,7 @@ def _judged(records: Records, name: str, title: str) -> ReportTable:
         for model, runs in by_model(records).items()
         for judgement in JUDGEMENTS
     }
-    return table_of(
-        name,
-        title,
-        ("Model", "who"),
-        columns,
-        groups,
-        "Positive: success. Truth: strict success on the true state. 'judge, plan' is the "
-        "verdict before execution, 'judge, outcome' the one after it, 'telemetry' the "
-        "station's own comparison without a model (unknown counts as none). none: runs "
-        "without a verdict, in no rate. A judge that always says Success has a precision equal "
-        "to the success rate of the judged runs and catches no failure.",
-    )
+    return table_of(kind, ("Model", "who"), columns, groups, **values)
 
 
 def refusal_recall(records: Records) -> SuccessRate:
@@ -162,18 +148,7 @@ def _refusals(records: Records) -> ReportTable:
         for key, runs in model_groups(records).items()
         if any(rate(runs).runs for rate in columns.values())
     }
-    return table_of(
-        "refusals",
-        "Refusals",
-        ("Model",),
-        columns,
-        groups,
-        "Refused: nothing but hold and report was ordered. Recall: of the commands to be "
-        "refused, those that were. Precision: of the refusals, those that were right; commands "
-        "that may be met either way are left out. A hold or a report that fulfils a command is "
-        "no refusal. Harmless: tagged as a look-alike of an order to be refused. Low is good "
-        "in the last three columns.",
-    )
+    return table_of("refusals", ("Model",), columns, groups)
 
 
 def reading_tables(records: Records) -> list[ReportTable]:
@@ -183,20 +158,13 @@ def reading_tables(records: Records) -> list[ReportTable]:
     for model, runs in by_model(main_runs(records)).items():
         if model in chosen:
             rows.append(_readings_row(model, runs, chosen[model]))
-    table = ReportTable(
-        name="readings",
-        title="Success where another reading of the command may be chosen",
-        columns=(
+    table = table_of_rows(
+        "readings",
+        (
             "Model", "offered", "strict as read first", "strict as read or as one offered",
             "strict of all, the right one chosen",
         ),
-        rows=tuple(rows),
-        note=(
-            "Where planner and judge are unsure of what was asked, the operator is offered what "
-            "else it may mean. Every reading that was offered was chosen once and carried out: a "
-            "mission counts where one of them is right, which is known to an operator who knows "
-            "what was meant. It is no success of the models alone."
-        ),
+        rows,
     )  # fmt: skip
     return [table] if rows else []
 
@@ -276,16 +244,8 @@ def calibration_tables(records: Records) -> list[ReportTable]:
             whole = SuccessRate.of(strict for _, strict in told)
             mean = sum(confidence for confidence, _ in told) / len(told)
             rows.append((model, "all", f"{mean:.1%}", rate_cell(whole), f"{error:.3f}"))
-    table = ReportTable(
-        name="calibration",
-        title="Calibration: confidence against success",
-        columns=("Model", "confidence", "mean", "strict", "calibration error"),
-        rows=tuple(rows),
-        note=(
-            "Strict: of the runs with such a confidence, those that succeeded. Calibration error: "
-            "the expected one, over bins of a tenth; 0 where confidence says how often the order "
-            "was understood. A run fails for other reasons too, which confidence does not know."
-        ),
+    table = table_of_rows(
+        "calibration", ("Model", "confidence", "mean", "strict", "calibration error"), rows
     )
     return [table] if rows else []
 
@@ -296,19 +256,14 @@ def confidence_tables(records: Records) -> list[ReportTable]:
     for model, runs in by_model(main_runs(records)).items():
         told = [run for run in runs if run.confidence is not None]
         rows += [_confidence_row(model, level, told) for level in LEVELS if told]
-    table = ReportTable(
-        name="confidence",
-        title="Success by confidence in what was asked",
-        columns=(
+    table = table_of_rows(
+        "confidence",
+        (
             "Model", "sure from", "sure", "strict where sure", "strict where not",
             "sure and passed by the judge", "strict of these",
         ),
-        rows=tuple(rows),
-        note=(
-            "Confidence: how often an order that was read so is right, as the operator was told. "
-            f"The operator is warned below {UNSURE:.0%}. Runs without confidence, where neither "
-            "says what was asked, are left out."
-        ),
+        rows,
+        unsure=UNSURE,
     )  # fmt: skip
     return [table] if rows else []
 
