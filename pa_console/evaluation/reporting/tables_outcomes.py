@@ -53,6 +53,22 @@ EXAMPLES = 2
 EXECUTED = frozenset(("verified", "unverified"))
 """Statuses of missions whose plan was carried out, or begun."""
 
+SuccessKind = Literal["hybrid", "strict", "obeyed"]
+SCORES: dict[str, Callable[[Records], SuccessRate]] = {
+    "hybrid": lambda runs: success_rate(runs, "hybrid"),
+    "strict": lambda runs: success_rate(runs, "strict"),
+    "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
+}
+"""The columns of success."""
+
+DECISION_STAGES = (
+    "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
+)  # fmt: skip
+"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
+
+STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
+"""Every stage that takes wall time of the station; execution is simulated and stands apart."""
+
 
 class FailureKind(NamedTuple):
     """The expectation of a mission, its end, and its failure."""
@@ -101,20 +117,9 @@ def reason_pattern(reason: str) -> str:
     return "; ".join(sorted(kinds))
 
 
-SuccessKind = Literal["hybrid", "strict", "obeyed"]
-
-
 def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
     """Return how many of `records` are a success by `name`."""
     return SuccessRate.of(getattr(record, name) for record in records)
-
-
-SCORES: dict[str, Callable[[Records], SuccessRate]] = {
-    "hybrid": lambda runs: success_rate(runs, "hybrid"),
-    "strict": lambda runs: success_rate(runs, "strict"),
-    "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
-}
-"""The columns of success."""
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
@@ -143,9 +148,9 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTabl
     theirs = list(MODELS) if name == "hybrid" else []
     rows: list[tuple[str, ...]] = []
     for category, runs in grouped(records, lambda record: record.category).items():
-        mine, published = by_model(runs), HYBRID_BY_CATEGORY.get(category, {})
-        rates = (success_rate(mine.get(model, []), name) for model in models)
-        papers = (percent(published.get(model)) for model in theirs)
+        ours, paper = by_model(runs), HYBRID_BY_CATEGORY.get(category, {})
+        rates = (success_rate(ours.get(model, []), name) for model in models)
+        papers = (percent(paper.get(model)) for model in theirs)
         rows.append((category, *map(rate_cell, rates), *papers))
     totals = (rate_cell(success_rate(runs, name)) for runs in models.values())
     rows.append(("All", *totals, *(paper_cell(model, "hybrid") for model in theirs)))
@@ -313,15 +318,6 @@ def _attempts(records: Records) -> ReportTable:
         "attempts": lambda runs: f"{fmean(run.attempts for run in runs):.2f}",
     }
     return table_of("attempts", ("Model",), columns, model_groups(records))
-
-
-DECISION_STAGES = (
-    "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
-)  # fmt: skip
-"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
-
-STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
-"""Every stage that takes wall time of the station; execution is simulated and stands apart."""
 
 
 def stage_name(stage: str) -> str:
