@@ -41,7 +41,6 @@ CURRENT_S = 10.0
 """Sensor data older than this is not current (ROE-09)."""
 MET_AT_GATES = 2
 """The number of gates in a row at which assets may be sent to one person (ROE-14)."""
-
 _COMMITS = frozenset(("move_to", "identify", "warn", "block"))
 _ANYBODY: frozenset[Verb] = frozenset(("hold", "move_to", "return_to_base", "report"))
 MAY: dict[AssetKind, frozenset[Verb]] = {
@@ -88,9 +87,8 @@ def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
         threat = _threat(now.contacts.values())
         for name, asset in now.assets.items():
             before = was.assets[name]
-            if not {asset.command_id, before.command_id} & moving:
-                continue
-            if before.position == asset.position:
+            ordered = not moving.isdisjoint((asset.command_id, before.command_id))
+            if not ordered or before.position == asset.position:
                 continue
             outside_m = inside.distance(Point(asset.position))
             if outside_m > max(PERIMETER_TOLERANCE_M, inside.distance(Point(before.position))):
@@ -127,9 +125,8 @@ def _standoff(
             "ROE-04": not contact.identified or contact.confirmed == "unknown",
             "ROE-15": contact.kind == "person" and not addressed and bool(contact.track),
         }
-        if known is None or not any(rules.values()):
-            continue
-        if all(_closes_in(before, asset, there, least) for there in (known, contact)):
+        there = () if known is None else (known, contact)
+        if there and all(_closes_in(before, asset, one, least) for one in there):
             what = f"{asset.id} drove within the standoff of {name_of(contact)}"
             yield from _breaches(rules, what, now.time_s)
 
