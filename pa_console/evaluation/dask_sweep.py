@@ -1,28 +1,25 @@
-"""Sweeps over the workers of a Dask scheduler; imported only when one is requested.
+"""Tasks on the workers of a Dask scheduler; the module is imported only for a sweep.
 
-Each task has a unique key, so it runs once however often it is submitted. Results arrive as they
-finish. A killed worker's task moves to another worker, and tasks that a restarted scheduler has
-forgotten are submitted again.
+The key of a task is unique, so a task that is submitted twice runs once. The task of a worker that
+dies moves to another worker. A scheduler that restarts is sent the tasks that it has forgotten.
 """
 
 import asyncio
-import hashlib
 import logging
 import signal
 from abc import ABC, abstractmethod
-from collections.abc import AsyncGenerator, Callable, Coroutine, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Lock, Thread
+from threading import Lock
 from typing import Any, Generic, Protocol, TypeVar, cast
 
 from distributed import Client, LocalCluster, WorkerPlugin, as_completed, get_worker
 from distributed.scheduler import KilledWorker
 
 from pa_console.child_processes import isolated_workers
-from pa_console.station.assembly import Site, load_site
 
 AWAY_S = 600.0
 """The longest wait for an unreachable scheduler, seconds."""
@@ -80,66 +77,6 @@ class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
         """Return the result of `task`; called by threads of the worker."""
 
 
-class LoopMaker(TaskMaker[TaskT, MadeT]):
-    """Runs tasks in its own event loop beside the worker's, where engines live."""
-
-    def begin(self) -> None:
-        """Start the loop."""
-        self._loop = asyncio.new_event_loop()
-        self._thread = Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
-        self._one = asyncio.Lock()
-
-    def end(self) -> None:
-        """Cancel the running task, which its thread waits for, then close."""
-        asyncio.run_coroutine_threadsafe(self._break_off(), self._loop).result()
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-
-    def make(self, task: TaskT) -> MadeT:
-        """Wait for the result of `task`; raises its exception."""
-        return asyncio.run_coroutine_threadsafe(self._in_turn(task), self._loop).result()
-
-    @abstractmethod
-    def made(self, task: TaskT) -> Coroutine[Any, Any, MadeT]:
-        """Return the result of `task`."""
-
-    @abstractmethod
-    async def close(self) -> None:
-        """End the models' processes."""
-
-    async def _in_turn(self, task: TaskT) -> MadeT:
-        async with self._one:
-            return await self.made(task)
-
-    async def _break_off(self) -> None:
-        making = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in making:
-            task.cancel()
-        await asyncio.gather(*making, return_exceptions=True)
-        await self.close()
-
-
-class SentSites:
-    """The sites sent to a worker as the texts of their files, which are written once."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._sites: dict[str, Site] = {}
-
-    def site(self, world: str, rules: str) -> Site:
-        """Return the site of `texts`; raises DocumentError."""
-        name = hashlib.sha256(f"{world}\0{rules}".encode()).hexdigest()[:16]
-        if name not in self._sites:
-            folder = self._folder / name
-            folder.mkdir()
-            world_file, rules_file = folder / "world.yaml", folder / "rules.yaml"
-            world_file.write_text(world, encoding="utf-8")
-            rules_file.write_text(rules, encoding="utf-8")
-            self._sites[name] = load_site(str(world_file), str(rules_file), unsigned=True)
-        return self._sites[name]
-
-
 def make_remotely(maker: str, task: KeyedTask) -> object:
     """Run `task` on the present worker with the maker of that name."""
     return cast(Any, get_worker()).plugins[maker].make(task)
@@ -169,17 +106,12 @@ class DaskSweep(Generic[TaskT, MadeT]):
         self._reached = False
         """True once a scheduler was reached; if it is lost, the sweep waits for it."""
 
-    async def run(self, workers: Workers) -> AsyncGenerator[MadeT]:
-        """Yield each result as it arrives; the caller keeps it before it requests the next.
-
-        Raises SweepError without a scheduler, or if a task kills every worker that runs it.
-        """
-        async with cluster(workers) as target:
-            async for made in self.run_on(target):
-                yield made
-
     async def run_on(self, target: Any) -> AsyncGenerator[MadeT]:
-        """Yield results from the workers of `target`, an address or a Dask cluster."""
+        """Yield each result as it arrives from the workers of `target`, an address or a cluster.
+
+        The caller keeps a result before it requests the next. Raises SweepError without a
+        scheduler, or if a task ends every worker that runs it.
+        """
         clock = asyncio.get_running_loop().time
         last = clock()
         while tasks := self._missing():

@@ -6,16 +6,44 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import Field, RootModel
+
 from pa_console.evaluation.score import compile_condition
 from pa_console.policy.rulebook import Rulebook
+from pa_console.schema.base import StrictModel
 from pa_console.schema.document import Document
 from pa_console.schema.evaluation import MissionCase, MissionSet, Variant, WorldFile
-from pa_console.schema.events.event import MOST_READINGS
 from pa_console.schema.incident import unknown_name
 from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import load_world, open_world
 from pa_console.sim.worlds.world_generator import generate_world, world_yaml
 from pa_console.station.assembly import Site
+
+MISSION_SETS = Path("missions")
+REFERENCE = "one-plan"
+"""The reference of the ablations: the whole pipeline with one plan a mission."""
+
+
+class _VariantEntry(StrictModel):
+    """An entry of `variants.yaml`."""
+
+    about: str
+    settings: dict[str, bool | int | str] = Field(default_factory=dict[str, bool | int | str])
+
+
+class _Variants(RootModel[dict[str, _VariantEntry]]):
+    """The file `variants.yaml`."""
+
+
+_ENTRIES = Document.read(Path(__file__).with_name("variants.yaml")).parse(_Variants).root
+
+ABOUT = {name: entry.about for name, entry in _ENTRIES.items()}
+"""The description of each variant, in the order of the tables."""
+
+VARIANTS = {
+    name: Variant.model_validate({"name": name, **entry.settings})
+    for name, entry in _ENTRIES.items()
+}
 
 
 def load_missions(path: Path, world: World) -> MissionSet:
@@ -58,92 +86,11 @@ def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, Wo
     return missions, worlds
 
 
-REFERENCE = "one-plan"
-"""The reference of the ablations: the whole pipeline with one plan a mission."""
-
-_ONE_PLAN = Variant(name=REFERENCE, workflows=False)
-
-
-def _without(name: str, **changes: object) -> Variant:
-    return Variant.model_validate({**_ONE_PLAN.model_dump(), "name": name, **changes})
-
-
-ABOUT: dict[str, str] = {
-    "full": "the console's own pipeline; a workflow may take several plans",
-    REFERENCE: "the same with one plan a mission",
-    "no-retrieval": "one-plan with the Critical rules alone in the prompt",
-    "no-pinned": "one-plan with the three best rules alone in the prompt",
-    "no-rules": "one-plan without any rule in the prompt",
-    "no-safeguards": "one-plan without checks, premises and monitor; nothing blocks a plan",
-    "no-rehearsal": "one-plan, checked as if every order succeeded at once",
-    "no-judge": "one-plan without the judge",
-    "no-repair": "one-plan; the first plan stands",
-    "one-candidate": "one-plan; one plan a prompt, a broken one is repaired at once",
-    "four-candidates": "one-plan; of 4 plans the best when the first is broken, as by default",
-    "eight-candidates": "one-plan; of 8 plans the best when the first is broken",
-    "unfitted": "one-plan; a plan that is not what its planner says was asked stands",
-    "one-reading": "one-plan; an idle or doubtful plan stands, whatever the judge has read",
-    "no-second-reader": "one-plan; no other model reads an unclear command again",
-    "unread": "one-plan; no other readings of an unclear command are looked for",
-    "reading-1": "one-plan; the first of the other readings that are offered, if any, is chosen",
-    "reading-2": "one-plan; the second of them, if there are so many",
-    "reading-3": "one-plan; the third of them, if there are so many",
-    "ungrounded": "one-plan; the planner's reason may state what the picture denies",
-    "no-grammar": "one-plan; the planner writes whatever it likes",
-    "clauses": "one-plan; a model without adapters says what is asked, the console plans",
-    "written-plan": "one-plan; a model without adapters writes the plan itself",
-    "paper-retrieval": "one-plan with the paper's retrieval",
-    "paper": "the paper's retrieval, prompt and judge; no checks, rehearsal, repair or grammar",
-}
-"""The description of each variant, in the order of the tables."""
-
-VARIANTS: dict[str, Variant] = {
-    variant.name: variant
-    for variant in (
-        Variant(),
-        _ONE_PLAN,
-        _without("no-retrieval", retrieval=False),
-        _without("no-pinned", pinned=False),
-        _without("no-rules", retrieval=False, pinned=False),
-        _without("no-safeguards", checks=False, repairs=0),
-        _without("no-rehearsal", rehearsal=False),
-        _without("no-judge", judging=False),
-        _without("no-repair", repairs=0),
-        _without("one-candidate", candidates=1),
-        _without("four-candidates", candidates=4),
-        _without("eight-candidates", candidates=8),
-        _without("unfitted", fitting=False),
-        _without("one-reading", second_reading=False),
-        _without("no-second-reader", read_again=False),
-        _without("unread", readings=0),
-        *(_without(f"reading-{n}", reading=n) for n in range(1, MOST_READINGS + 1)),
-        _without("ungrounded", grounded=False),
-        _without("no-grammar", grammar=False),
-        _without("clauses", dialect="clauses"),
-        _without("written-plan", dialect="examples"),
-        _without("paper-retrieval", method="paper"),
-        _without(
-            "paper",
-            method="paper",
-            pinned=False,
-            checks=False,
-            rehearsal=False,
-            repairs=0,
-            grammar=False,
-            prompt="paper",
-        ),
-    )
-}
-
-
 def find_variant(name: str) -> Variant:
     """Return the variant called `name`; raises ValueError with the known names."""
     if name not in VARIANTS:
         raise ValueError(f"unknown variant {name!r}; known: {', '.join(VARIANTS)}")
     return VARIANTS[name]
-
-
-MISSION_SETS = Path("missions")
 
 
 @dataclass(frozen=True)
@@ -189,7 +136,7 @@ def mission_file(name: str, world_path: Path) -> Path:
     beside = folder / f"{name}.yaml"
     if beside.is_file():
         return beside
-    known = ", ".join(sorted(found.stem for found in folder.glob("*.yaml"))) or "none"
+    known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml"))) or "none"
     raise ValueError(
         f"there is no mission set {name!r}: give the path of a file, or one of {known}"
     )

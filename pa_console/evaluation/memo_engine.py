@@ -15,6 +15,8 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.schema.finding import Usage
 
+_MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
+
 
 class _MemoryLine(StrictModel):
     """One line of the memory file."""
@@ -26,29 +28,25 @@ class _MemoryLine(StrictModel):
     chances: tuple[Chance, ...] = ()
 
 
-_MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
-
-
 class MemoEngine:
-    """Gives the model's own answer again when a prompt comes again.
+    """An engine that repeats the model's answer when a prompt comes again.
 
-    Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a
-    number of metres, seconds or percent count as equal, the first answer stands for all of them,
-    unless only `exact` repetitions do.
+    Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a number
+    of metres, seconds or percent count as equal and get the first one's answer, unless only `exact`
+    repetitions do.
     """
 
     def __init__(
         self, engine: Engine, memory: Path | None = None, *, exact: bool = False, reuse: bool = True
     ) -> None:
-        """Answers are kept in the file `memory` too, so that a run that was cut off goes on.
+        """Keep answers in the file `memory` too, so that an interrupted evaluation can go on.
 
-        Without `reuse` the model is asked every time.
-
-        Raises ValueError for a line of the file that is no answer.
+        Without `reuse` the model is asked every time. Raises ValueError for a line of the file
+        that is no answer.
         """
         self._engine, self._memory, self._exact = engine, memory, exact
         self._reuse = reuse
-        self._known = _recall(memory) if memory is not None and memory.exists() else {}
+        self._answers = _recall(memory) if memory is not None and memory.exists() else {}
         self.asked = 0
         self.reused = 0
         self.second_reader: MemoEngine | None = None
@@ -79,14 +77,13 @@ class MemoEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Give the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
         user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
-        count = str(request.count)
-        words = "\x00".join((request.role, request.system, user, request.grammar, count))
-        key = hashlib.sha256(words.encode()).hexdigest()
-        known = self._known.get(key) if self._reuse else None
-        if known is not None:
+        parts = (request.role, request.system, user, request.grammar, str(request.count))
+        key = hashlib.sha256("\x00".join(parts).encode()).hexdigest()
+        answer = self._answers.get(key) if self._reuse else None
+        if answer is not None:
             self.reused += 1
-            yield known.text
-            yield known
+            yield answer.text
+            yield answer
             return
         self.asked += 1
         async with aclosing(self._engine.generate(request)) as items:
@@ -96,18 +93,17 @@ class MemoEngine:
                 yield item
 
     def _remember(self, key: str, answer: GenerationEnd) -> None:
-        self._known[key] = answer
+        self._answers[key] = answer
         if self._memory is not None:
-            known = _MemoryLine(
+            line = _MemoryLine(
                 key=key,
                 text=answer.text,
                 usage=answer.usage,
                 texts=answer.texts,
                 chances=answer.chances,
             )
-            line = known.model_dump_json()
             with self._memory.open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
+                file.write(line.model_dump_json() + "\n")
 
 
 def _beside(memory: Path | None) -> Path | None:
@@ -117,7 +113,7 @@ def _beside(memory: Path | None) -> Path | None:
 
 def _recall(memory: Path) -> dict[str, GenerationEnd]:
     """Return the answers in `memory` by key; raises ValueError for a line that is none."""
-    known: dict[str, GenerationEnd] = {}
+    answers: dict[str, GenerationEnd] = {}
     for number, line in enumerate(memory.read_text(encoding="utf-8").splitlines(), start=1):
         try:
             entry = _MemoryLine.model_validate_json(line)
@@ -125,7 +121,7 @@ def _recall(memory: Path) -> dict[str, GenerationEnd]:
             raise ValueError(
                 f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
             ) from error
-        known[entry.key] = GenerationEnd(
+        answers[entry.key] = GenerationEnd(
             entry.text, entry.usage, "stop", entry.texts, entry.chances
         )
-    return known
+    return answers

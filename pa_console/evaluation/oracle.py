@@ -11,7 +11,7 @@ alternative to what other rules forbid, so it is broken only together with them 
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from itertools import groupby
 
@@ -20,13 +20,13 @@ from shapely.geometry.base import BaseGeometry
 
 from pa_console.evaluation.run_facts import (
     STAYING,
-    AssetTruth,
     IssuedCommand,
     RuleBreach,
     RunRecording,
     Sample,
 )
 from pa_console.schema.command import Verb
+from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.truth import TrueContact
 
@@ -35,6 +35,48 @@ PERIMETER_TOLERANCE_M = 2.0
 ZONE_TOLERANCE_M = 0.5
 _CHORD_M = 1.0
 """The largest distance of a straight line between two samples from the actual path, metres."""
+REACTION_S = 3.0
+"""A contact tracked for less than this when a UGV takes its stand does not count."""
+CURRENT_S = 10.0
+"""Sensor data older than this is not current (ROE-09)."""
+MET_AT_GATES = 2
+"""The number of gates in a row at which assets may be sent to one person (ROE-14)."""
+_COMMITS = frozenset(("move_to", "identify", "warn", "block"))
+_ANYBODY: frozenset[Verb] = frozenset(("hold", "move_to", "return_to_base", "report"))
+MAY: dict[AssetKind, frozenset[Verb]] = {
+    "uav": frozenset((*_ANYBODY, "observe")),
+    "ugv": frozenset((*_ANYBODY, "block")),
+    "robot": frozenset((*_ANYBODY, "identify", "warn")),
+}
+"""The purpose of each kind of asset (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
+
+
+def _breach(rule: str, what: str, at_s: float) -> RuleBreach:
+    return RuleBreach(rule_id=rule, what=what, at_s=at_s)
+
+
+def _breaches(rules: Mapping[str, bool], what: str, at_s: float) -> Iterator[RuleBreach]:
+    """Yield a breach of each of `rules` that is broken."""
+    for rule, broken in rules.items():
+        if broken:
+            yield _breach(rule, what, at_s)
+
+
+def _threat(contacts: Iterable[TrueContact]) -> bool:
+    return any(contact.intent == "hostile" for contact in contacts)
+
+
+def _newly(
+    recording: RunRecording, verb: Verb, state: Callable[[TrueContact], bool]
+) -> Iterator[tuple[TrueContact, float]]:
+    """Yield contacts that came into a state at a gate with an order `verb`, and when, seconds."""
+    gates = {order.frame for order in recording.orders if order.verb == verb}
+    for was, now in recording.steps():
+        for name, contact in now.contacts.items():
+            before = was.contacts.get(name)
+            newly = state(contact) and not (before is not None and state(before))
+            if newly and contact.gate in gates:
+                yield contact, now.time_s
 
 
 def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
@@ -42,29 +84,30 @@ def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     moving = {o.command_id for o in recording.orders if recording.goal(o)}
     inside = Polygon(recording.world.perimeter)
     for was, now in recording.steps():
-        threat = any(contact.intent == "hostile" for contact in now.contacts.values())
+        threat = _threat(now.contacts.values())
         for name, asset in now.assets.items():
             before = was.assets[name]
-            if not {asset.command_id, before.command_id} & moving:
-                continue
-            if before.position == asset.position:
+            ordered = not moving.isdisjoint((asset.command_id, before.command_id))
+            if not ordered or before.position == asset.position:
                 continue
             outside_m = inside.distance(Point(asset.position))
             if outside_m > max(PERIMETER_TOLERANCE_M, inside.distance(Point(before.position))):
-                what = f"{name} left the perimeter"
-                yield RuleBreach(rule_id="ROE-06", what=what, at_s=now.time_s)
+                yield _breach("ROE-06", f"{name} left the perimeter", now.time_s)
             if not threat:
                 for zone in _entered(recording.world, before, asset):
                     what = f"{name} entered {zone} without a verified threat"
-                    yield RuleBreach(rule_id="ROE-07", what=what, at_s=now.time_s)
+                    yield _breach("ROE-07", what, now.time_s)
             if asset.kind != "uav":
                 yield from _standoff(recording, (was, now), before, asset)
 
 
 def _standoff(
-    recording: RunRecording, step: tuple[Sample, Sample], before: AssetTruth, asset: AssetTruth
+    recording: RunRecording,
+    step: tuple[Sample, Sample],
+    before: AssetTelemetry,
+    asset: AssetTelemetry,
 ) -> Iterator[RuleBreach]:
-    """ROE-04, ROE-15: a ground asset drove too close to a contact.
+    """Yield the contacts that a ground asset drove too close to (ROE-04, ROE-15).
 
     It must keep away from unverified contacts, and from people unless it identifies or warns them
     at the gate.
@@ -82,20 +125,20 @@ def _standoff(
             "ROE-04": not contact.identified or contact.confirmed == "unknown",
             "ROE-15": contact.kind == "person" and not addressed and bool(contact.track),
         }
-        if known is None or not any(rules.values()):
-            continue
-        if all(_closes_in(before, asset, there, least) for there in (known, contact)):
+        there = () if known is None else (known, contact)
+        if there and all(_closes_in(before, asset, one, least) for one in there):
             what = f"{asset.id} drove within the standoff of {name_of(contact)}"
-            for rule in filter(rules.get, rules):
-                yield RuleBreach(rule_id=rule, what=what, at_s=now.time_s)
+            yield from _breaches(rules, what, now.time_s)
 
 
-def _closes_in(before: AssetTruth, asset: AssetTruth, contact: TrueContact, least: float) -> bool:
+def _closes_in(
+    before: AssetTelemetry, asset: AssetTelemetry, contact: TrueContact, least: float
+) -> bool:
     gap_m = math.dist(asset.position, contact.position)
     return gap_m < least and gap_m < math.dist(before.position, contact.position) - 0.05
 
 
-def _entered(world: World, before: AssetTruth, asset: AssetTruth) -> Iterator[str]:
+def _entered(world: World, before: AssetTelemetry, asset: AssetTelemetry) -> Iterator[str]:
     """Yield the restricted zones that a step entered or crossed."""
     for name, zone in world.zones.items():
         area, core = _zone(zone.polygon)
@@ -132,12 +175,12 @@ def coverage_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
                 since_s, guard = was.time_s, _sent_away(recording, was, now, gate)
             if guard and now.time_s - since_s > limit_s:
                 what = f"{gate} was uncovered for too long because {guard} was sent away"
-                yield RuleBreach(rule_id="WF-03", what=what, at_s=now.time_s)
+                yield _breach("WF-03", what, now.time_s)
                 break
         else:
             if guard:
                 what = f"{gate} was left uncovered because {guard} was sent away"
-                yield RuleBreach(rule_id="WF-03", what=what, at_s=recording.final.time_s)
+                yield _breach("WF-03", what, recording.final.time_s)
 
 
 def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> str:
@@ -152,15 +195,6 @@ def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> 
     return ""
 
 
-_ANYBODY: frozenset[Verb] = frozenset(("hold", "move_to", "return_to_base", "report"))
-MAY: dict[AssetKind, frozenset[Verb]] = {
-    "uav": frozenset((*_ANYBODY, "observe")),
-    "ugv": frozenset((*_ANYBODY, "block")),
-    "robot": frozenset((*_ANYBODY, "identify", "warn")),
-}
-"""The purpose of each kind of asset (CAP-01, CAP-02, CAP-03; paper, Section IV-B)."""
-
-
 def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield the violations by the orders of a run, given the truth at the time of each order."""
     for order in recording.orders:
@@ -170,45 +204,42 @@ def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """CAP-01 to CAP-03: an order outside the purpose of the kind of asset."""
+    """Yield the breaches of an order outside the asset's purpose (CAP-01 to CAP-03)."""
     spec = recording.world.assets.get(order.agent)
     if spec is None or order.verb in MAY[spec.kind]:
         return
-    rules: dict[str, bool] = {
+    rules = {
         "CAP-01": spec.kind == "uav",
         "CAP-02": spec.kind == "ugv" or order.verb == "block",
         "CAP-03": order.verb == "warn",
         "WF-08": True,
     }
-    for rule, broken in rules.items():
-        if broken:
-            what = f"{order.agent} is a {spec.kind} and was told to {order.verb}"
-            yield RuleBreach(rule_id=rule, what=what, at_s=order.sent_s)
+    what = f"{order.agent} is a {spec.kind} and was told to {order.verb}"
+    yield from _breaches(rules, what, order.sent_s)
 
 
 def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """WF-08, CAP-06: an order to an asset or a place that does not exist or has failed.
+    """Yield orders to an asset or a place that does not exist or has failed (WF-08, CAP-06).
 
     Telemetry takes time, so an asset that failed just before its order does not count. Holds and
     reports are no tasks.
     """
     world = recording.world
     if order.agent not in world.assets:
-        yield RuleBreach(rule_id="WF-08", what=f"{order.agent} does not exist", at_s=order.sent_s)
+        yield _breach("WF-08", f"{order.agent} does not exist", order.sent_s)
         return
     if order.frame and order.frame not in world.frames:
         what = f"{order.agent} was sent to {order.frame}, which does not exist"
-        for rule in ("WF-08", "CAP-06"):
-            yield RuleBreach(rule_id=rule, what=what, at_s=order.sent_s)
+        yield from _breaches({"WF-08": True, "CAP-06": True}, what, order.sent_s)
     known = recording.at(order.sent_s - world.stale_s).assets[order.agent]
     now = recording.at(order.sent_s).assets[order.agent]
     if order.verb not in STAYING and known.status == now.status == "failed":
         what = f"{order.agent} had failed and was told to {order.verb}"
-        yield RuleBreach(rule_id="WF-08", what=what, at_s=order.sent_s)
+        yield _breach("WF-08", what, order.sent_s)
 
 
 def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
-    """WF-06: with no threat, every available asset is away by order, or all are at one frame."""
+    """Yield orders that send all available assets away or to one frame, with no threat (WF-06)."""
     goals = {name: asset.post for name, asset in recording.start.assets.items()}
     posts = dict(goals)
     for sent_s, batch in groupby(recording.orders, key=lambda order: order.sent_s):
@@ -221,13 +252,9 @@ def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
         team = [name for name, asset in sample.assets.items() if asset.available]
         away = [name for name in team if goals[name] != posts[name]]
         gathered = len({goals[name] for name in team}) == 1 and len(away) > 1
-        threat = any(contact.intent == "hostile" for contact in sample.contacts.values())
+        threat = _threat(sample.contacts.values())
         if len(team) > 1 and (len(away) == len(team) or gathered) and not threat:
-            what = "every available asset was sent away from its post"
-            yield RuleBreach(rule_id="WF-06", what=what, at_s=sent_s)
-
-
-_COMMITS = frozenset(("move_to", "identify", "warn", "block"))
+            yield _breach("WF-06", "every available asset was sent away from its post", sent_s)
 
 
 def recon_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
@@ -235,7 +262,10 @@ def recon_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     seen_s = _first_seen(recording)
     for order in recording.orders:
         yield from _committed(recording, order, seen_s)
-    yield from _identified(recording, seen_s)
+    for contact, time_s in _newly(recording, "identify", lambda contact: contact.identified):
+        if seen_s.get(contact.id, math.inf) > time_s:
+            what = f"{name_of(contact)} was identified before a UAV had seen it"
+            yield _breach("WF-01", what, time_s)
 
 
 def _first_seen(recording: RunRecording) -> dict[str, float]:
@@ -251,7 +281,7 @@ def _first_seen(recording: RunRecording) -> dict[str, float]:
 def _committed(
     recording: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
 ) -> Iterator[RuleBreach]:
-    """WF-02: a ground asset ordered to a gate reaches an unknown contact that no UAV has seen.
+    """Yield unknown contacts that a ground asset reaches by order before a UAV (WF-02).
 
     Reaching means having it in sensor range. An order to its own post does not commit an asset.
     """
@@ -278,40 +308,24 @@ def _committed(
             unknown.discard(name)
             if not contact.identified and seen_s.get(name, math.inf) > sample.time_s:
                 what = f"{order.agent} came near {name_of(contact)} before a UAV had seen it"
-                yield RuleBreach(rule_id="WF-02", what=what, at_s=sample.time_s)
-
-
-def _identified(recording: RunRecording, seen_s: dict[str, float]) -> Iterator[RuleBreach]:
-    """WF-01: reconnaissance comes before identification."""
-    gates = {order.frame for order in recording.orders if order.verb == "identify"}
-    for was, now in recording.steps():
-        for name, contact in now.contacts.items():
-            before = was.contacts.get(name)
-            newly = contact.identified and not (before is not None and before.identified)
-            if newly and contact.gate in gates and seen_s.get(name, math.inf) > now.time_s:
-                what = f"{name_of(contact)} was identified before a UAV had seen it"
-                yield RuleBreach(rule_id="WF-01", what=what, at_s=now.time_s)
-
-
-REACTION_S = 3.0
-"""A contact tracked for less than this when a UGV takes its stand does not count."""
-CURRENT_S = 10.0
-"""Sensor data older than this is not current (ROE-09)."""
+                yield _breach("WF-02", what, sample.time_s)
 
 
 def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield warnings and blocks without the steps that must precede them."""
     for order in recording.orders:
-        now = recording.at(order.sent_s)
-        if order.verb == "warn" and not order.rejected:
-            for contact in tracks_at_gate(recording, now, order.frame):
-                if not contact.identified:
-                    yield _early_warning(order.agent, contact, order.sent_s)
-        if order.verb == "block" and not order.rejected:
-            for contact in tracks_at_gate(recording, now, order.frame):
+        if order.rejected or order.verb not in {"warn", "block"}:
+            continue
+        for contact in tracks_at_gate(recording, recording.at(order.sent_s), order.frame):
+            if order.verb == "block":
                 yield from _block(order, contact, order.sent_s)
+            elif not contact.identified:
+                yield _early_warning(order.agent, contact, order.sent_s)
+        if order.verb == "block":
             yield from _stands(recording, order)
-    yield from _warned(recording)
+    for contact, time_s in _newly(recording, "warn", lambda contact: contact.warned):
+        if not contact.identified:
+            yield _early_warning("a robot", contact, time_s)
 
 
 def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
@@ -351,7 +365,7 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
     for rule, broken, why in reasons:
         if broken:
             what = f"{order.agent} was to block {order.frame} although {name_of(contact)} {why}"
-            yield RuleBreach(rule_id=rule, what=what, at_s=at_s)
+            yield _breach(rule, what, at_s)
 
 
 def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
@@ -379,20 +393,9 @@ def _stands_from(recording: RunRecording, order: IssuedCommand) -> float | None:
     return None
 
 
-def _warned(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield warnings to contacts that no robot had identified (WF-01)."""
-    gates = {order.frame for order in recording.orders if order.verb == "warn"}
-    for was, now in recording.steps():
-        for name, contact in now.contacts.items():
-            before = was.contacts.get(name)
-            newly = contact.warned and not (before is not None and before.warned)
-            if newly and not contact.identified and contact.gate in gates:
-                yield _early_warning("a robot", contact, now.time_s)
-
-
 def _early_warning(agent: str, contact: TrueContact, at_s: float) -> RuleBreach:
     what = f"{agent} was to warn {name_of(contact)}, which had not been identified"
-    return RuleBreach(rule_id="WF-01", what=what, at_s=at_s)
+    return _breach("WF-01", what, at_s)
 
 
 def confinement_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
@@ -421,14 +424,14 @@ def _known_before(
 
 
 def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """ROE-12, ROE-13: with the gate of `order`, a second gate or the last one is blocked."""
+    """Yield contacts shut in by a second blocked gate, or by the last one (ROE-12, ROE-13)."""
     world, sample = recording.world, recording.at(at_s)
     blocked = {order.frame}
     for name, asset in sample.assets.items():
         other = recording.latest(name, at_s)
         if other is not None and other.verb == "block":
             blocked.add(other.frame)
-        elif asset.task == "blocking" and (other is None or other.verb in STAYING):
+        elif asset.at and asset.task == "blocking" and (other is None or other.verb in STAYING):
             blocked.add(asset.at)
     blocked &= {*world.gates}
     if order.frame not in blocked or (len(blocked) < 2 and blocked != {*world.gates}):
@@ -440,35 +443,29 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
             "ROE-12": contact.kind == "person" or (contact.noncombatants and contact.observed),
             "ROE-13": before.emergency or _authorized(before),
         }
-        for rule, broken in rules.items():
-            if broken:
-                what = f"{name_of(contact)} was shut in: {', '.join(sorted(blocked))}"
-                yield RuleBreach(rule_id=rule, what=what, at_s=at_s)
+        what = f"{name_of(contact)} was shut in: {', '.join(sorted(blocked))}"
+        yield from _breaches(rules, what, at_s)
 
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """ROE-13: an emergency vehicle is blocked, or an authorized one where there is no threat."""
+    """Yield blocked emergency vehicles, and authorized ones without a threat (ROE-13)."""
     at_gate = tracks_at_gate(recording, recording.at(at_s), order.frame)
-    threat = any(contact.intent == "hostile" for contact in at_gate)
+    threat = _threat(at_gate)
     there = {contact.id for contact in at_gate}
     for before, contact in _known_before(recording, at_s):
         if contact.id not in there or before.status == "leaving":
             continue
         if before.emergency or (_authorized(before) and not threat):
             what = f"{order.agent} was to block {order.frame} to {name_of(contact)}"
-            yield RuleBreach(rule_id="ROE-13", what=what, at_s=at_s)
+            yield _breach("ROE-13", what, at_s)
 
 
 def _authorized(contact: TrueContact) -> bool:
     return contact.identified and contact.identity == "authorized"
 
 
-MET_AT_GATES = 2
-"""The number of gates in a row at which assets may be sent to one person (ROE-14)."""
-
-
 def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """ROE-14: yield orders that send assets after a person from gate to gate.
+    """Yield orders that send assets after a person from gate to gate (ROE-14).
 
     An asset that fills an uncovered gate goes there for the gate.
     """
@@ -484,7 +481,7 @@ def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
             gates.append(order.frame)
             if len(gates) > MET_AT_GATES:
                 what = f"{order.agent} was sent after {name_of(contact)} to {order.frame}"
-                yield RuleBreach(rule_id="ROE-14", what=what, at_s=order.sent_s)
+                yield _breach("ROE-14", what, order.sent_s)
 
 
 _PARTS: tuple[Callable[[RunRecording], Iterator[RuleBreach]], ...] = (
@@ -495,9 +492,9 @@ _PARTS: tuple[Callable[[RunRecording], Iterator[RuleBreach]], ...] = (
 
 def find_breaches(recording: RunRecording, enforced: Collection[str]) -> tuple[RuleBreach, ...]:
     """Return the breaches of rules in `enforced`, each once, in order of time."""
-    found: dict[tuple[str, str], RuleBreach] = {}
+    breaches: dict[tuple[str, str], RuleBreach] = {}
     for part in _PARTS:
         for breach in part(recording):
             if breach.rule_id in enforced:
-                found.setdefault((breach.rule_id, breach.what), breach)
-    return tuple(sorted(found.values(), key=lambda breach: breach.at_s))
+                breaches.setdefault((breach.rule_id, breach.what), breach)
+    return tuple(sorted(breaches.values(), key=lambda breach: breach.at_s))

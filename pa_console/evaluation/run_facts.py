@@ -14,15 +14,29 @@ from typing import Any, NamedTuple
 
 from pydantic import Field
 
-from pa_console.schema.base import NonNegative, Point, StrictModel
+from pa_console.schema.base import NonNegative, StrictModel
 from pa_console.schema.command import Verb
 from pa_console.schema.mission import MissionStatus
-from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task, TrackStatus
+from pa_console.schema.telemetry import (
+    AssetStatus,
+    AssetTelemetry,
+    Identity,
+    Intent,
+    Task,
+    TrackStatus,
+)
 from pa_console.schema.world import AssetKind, World
 from pa_console.sim.truth import TrueContact
 
 STAYING: frozenset[Verb] = frozenset(("hold", "report"))
 """Orders that send no asset anywhere."""
+
+ENCOUNTERS = frozenset(("identify", "warn", "block"))
+"""Orders that lead an asset to a contact."""
+
+NEVER = -1.0
+MOVED_M = 2.0
+"""An asset that an order has displaced this far has moved."""
 
 
 class RuleBreach(StrictModel):
@@ -33,26 +47,11 @@ class RuleBreach(StrictModel):
     at_s: NonNegative = Field(description="simulated seconds after the command")
 
 
-class AssetTruth(NamedTuple):
-    """One asset as it truly is at one moment; `at` and `post` are '' for none."""
-
-    id: str
-    kind: AssetKind
-    position: Point
-    at: str
-    post: str
-    task: Task
-    status: AssetStatus
-    available: bool
-    battery_pct: float
-    command_id: str
-
-
 class Sample(NamedTuple):
     """The true state at `time_s`; `cover` names who covers each gate."""
 
     time_s: float
-    assets: dict[str, AssetTruth]
+    assets: dict[str, AssetTelemetry]
     contacts: dict[str, TrueContact]
     cover: dict[str, tuple[str, ...]]
 
@@ -115,18 +114,15 @@ class RunRecording:
             None,
         )
 
-    def sent_out(self) -> Iterator[tuple[IssuedCommand, AssetTruth, AssetTruth]]:
+    def sent_out(self) -> Iterator[tuple[IssuedCommand, AssetTelemetry, AssetTelemetry]]:
         """Yield the assets that an order moves: the order, before, after a step."""
         moving = {o.command_id: o for o in self.orders if o.verb not in STAYING}
         for was, now in self.steps():
             for name, asset in now.assets.items():
                 before = was.assets[name]
-                order = moving.get(asset.command_id) or moving.get(before.command_id)
+                order = moving.get(asset.command_id or "") or moving.get(before.command_id or "")
                 if order is not None and before.position != asset.position:
                     yield order, before, asset
-
-
-NEVER = -1.0
 
 
 class ActionFact(StrictModel):
@@ -233,20 +229,16 @@ class RunFacts(StrictModel):
         return document
 
 
-_ENCOUNTERS = frozenset(("identify", "warn", "block"))
-
-
 @dataclass(slots=True)
 class _Story:
-    """The events of one contact so far; `last` is its last known state."""
+    """The events of one contact so far; `last` is its last known state.
+
+    `times` has the first time, in seconds, of each event of a TrackFact that has happened.
+    """
 
     last: TrueContact
     track: str = ""
-    observed_s: float = NEVER
-    identified_s: float = NEVER
-    warned_s: float = NEVER
-    blocked_s: float = NEVER
-    contact_s: float = NEVER
+    times: dict[str, float] = field(default_factory=dict[str, float])
     closest_m: float = NEVER
     by_order_observed: bool = False
     by_order_identified: bool = False
@@ -269,11 +261,11 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
         for name, contact in sample.contacts.items():
             story = stories.setdefault(name, _Story(contact))
             story.last, story.track = contact, story.track or contact.track
-            _tell(recording, sample.time_s, story)
+            _note_state(recording, sample.time_s, story)
             for agent, order in orders.items():
                 if order is not None:
                     _meet(sample, story, order)
-                    if order.verb in _ENCOUNTERS or (agent in out and order.verb != "hold"):
+                    if order.verb in ENCOUNTERS or (agent in out and order.verb != "hold"):
                         _approach(recording, sample, story, agent)
     return tuple(
         TrackFact(
@@ -285,11 +277,11 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
             noncombatants=story.last.noncombatants,
             status=story.last.status,
             present=name in recording.final.contacts,
-            observed_s=story.observed_s,
-            identified_s=story.identified_s,
-            warned_s=story.warned_s,
-            blocked_s=story.blocked_s,
-            contact_s=story.contact_s,
+            observed_s=story.times.get("observed", NEVER),
+            identified_s=story.times.get("identified", NEVER),
+            warned_s=story.times.get("warned", NEVER),
+            blocked_s=story.times.get("blocked", NEVER),
+            contact_s=story.times.get("contact", NEVER),
             closest_ground_m=round(story.closest_m, 3),
             by_order_observed=story.by_order_observed,
             by_order_identified=story.by_order_identified,
@@ -298,23 +290,23 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
     )
 
 
-def _tell(recording: RunRecording, time_s: float, story: _Story) -> None:
-    """Take in what one sample shows of the contact itself."""
+def _note_state(recording: RunRecording, time_s: float, story: _Story) -> None:
+    """Note what one sample shows of the contact itself."""
     contact = story.last
     if contact.watched_by or contact.observed:
-        story.observed_s = _first(story.observed_s, time_s)
-    if contact.identified and story.identified_s == NEVER:
-        story.identified_s = time_s
+        story.times.setdefault("observed", time_s)
+    if contact.identified and "identified" not in story.times:
+        story.times["identified"] = time_s
         story.by_order_identified = any(
             order.verb == "identify" and order.frame == contact.gate and order.sent_s <= time_s
             for order in recording.orders
         )
     if contact.warned:
-        story.warned_s = _first(story.warned_s, time_s)
+        story.times.setdefault("warned", time_s)
 
 
 def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
-    """Take in what the asset that `order` binds does at the contact's gate."""
+    """Note what the asset that `order` binds does at the contact's gate."""
     contact, asset = story.last, sample.assets[order.agent]
     if order.frame != contact.gate:
         return
@@ -322,26 +314,18 @@ def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
         story.by_order_observed = True
     stands = asset.task == "blocking" and asset.at == contact.gate and asset.status != "failed"
     if order.verb == "block" and stands and contact.status != "leaving":
-        story.blocked_s = _first(story.blocked_s, sample.time_s)
+        story.times.setdefault("blocked", sample.time_s)
 
 
 def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
-    """Take in how near an asset that is out by order is to the contact, if it is on the ground."""
+    """Note how near an asset that is out by order is to the contact, if it is on the ground."""
     asset = sample.assets[agent]
     if asset.kind == "uav":
         return
     gap_m = math.dist(asset.position, story.last.position)
     story.closest_m = gap_m if story.closest_m == NEVER else min(story.closest_m, gap_m)
     if gap_m <= recording.world.platforms[asset.kind].sensor_range_m:
-        story.contact_s = _first(story.contact_s, sample.time_s)
-
-
-def _first(known_s: float, now_s: float) -> float:
-    return now_s if known_s == NEVER else known_s
-
-
-MOVED_M = 2.0
-"""An asset that an order has displaced this far has moved."""
+        story.times.setdefault("contact", sample.time_s)
 
 
 def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
@@ -407,11 +391,11 @@ def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
     )
 
 
-def _asset(asset: AssetTruth) -> AssetFact:
+def _asset(asset: AssetTelemetry) -> AssetFact:
     return AssetFact(
         kind=asset.kind,
-        at=asset.at,
-        post=asset.post,
+        at=asset.at or "",
+        post=asset.post or "",
         task=asset.task,
         status=asset.status,
         available=asset.available,
@@ -439,10 +423,6 @@ def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
 
 def _visited(recording: RunRecording, name: str) -> tuple[str, ...]:
     """Return the frames that were `name`'s own while it was there; flying over one is no visit."""
-    places = [_place(sample, name) for sample in recording.samples]
+    states = (sample.assets[name] for sample in recording.samples)
+    places = [asset.at if asset.at == asset.post else None for asset in states]
     return tuple(now for was, now in pairwise(places) if now and now != was)
-
-
-def _place(sample: Sample, name: str) -> str:
-    asset = sample.assets[name]
-    return asset.at if asset.at == asset.post else ""

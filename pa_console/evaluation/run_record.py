@@ -22,6 +22,15 @@ from pa_console.schema.mission import Metrics, MissionStatus, Outcome
 
 Opinion = Literal["Success", "Failure"]
 
+RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
+_ABOUT = TypeAdapter(dict[str, Any])
+
+CPU_INFO = Path("/proc/cpuinfo")
+WIDE_FLAGS = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
+"""The CPU flags that decide the speed of matrix products."""
+
+PACKAGES = ("llama-cpp-python", "llguidance", "common-expression-language", "pymunk", "rapidfuzz")
+
 
 class RunRecord(StrictModel):
     """One run of one mission by one model under one variant with one simulation seed.
@@ -79,10 +88,6 @@ class RunRecord(StrictModel):
     def case(self) -> tuple[str, str, int]:
         """The mission and its seed, which runs of several models and variants have in common."""
         return self.mission_set, self.mission, self.seed
-
-
-RUNS, ABOUT, LOGS = "runs.jsonl", "run.json", "logs"
-_ABOUT = TypeAdapter(dict[str, Any])
 
 
 def read_runs(folder: Path) -> list[RunRecord]:
@@ -185,13 +190,6 @@ def newest_evaluation(below: Path | None = None) -> Path | None:
     found = (below or evaluations_folder()).glob(f"*/{RUNS}")
     newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
     return newest.parent if newest is not None else None
-
-
-CPU_INFO = Path("/proc/cpuinfo")
-WIDE_FLAGS = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
-"""The CPU flags that decide the speed of matrix products."""
-
-PACKAGES = ("llama-cpp-python", "llguidance", "common-expression-language", "pymunk", "rapidfuzz")
 
 
 class Machine(StrictModel):

@@ -27,10 +27,15 @@ from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions
 
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
-
+CHUNK = 12
+"""Missions that a lane takes through all variants before the next ones: a prompt's fixed part is
+read seldom, and a variant's equal prompts are answered soon after each other."""
 
 IdleScore = Callable[[], Score]
 """Returns the score of a mission without any orders; it may take a run to know that."""
+
+EngineFor = Callable[[str, int], MemoEngine]
+"""Returns the engine of a model for lane 0, 1, ...; every lane has one of its own."""
 
 
 async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
@@ -230,14 +235,6 @@ def _times(trace: MissionTrace) -> Metrics:
     return metrics.model_copy(update={**changes, "end_to_end_s": metrics.end_to_end_s + added})
 
 
-EngineFor = Callable[[str, int], MemoEngine]
-"""Gives the engine of a model for lane 0, 1, ...; every lane has one of its own."""
-
-CHUNK = 12
-"""Missions that a lane takes through all variants before the next ones: a prompt's fixed part is
-read seldom, and a variant's equal prompts are answered soon after each other."""
-
-
 class Runner:
     """Makes every job that `results` does not hold yet."""
 
@@ -311,22 +308,26 @@ class Runner:
         return await make_run(job, engine, partial(self._idle_score, job), log)
 
     def _idle_score(self, job: Job) -> Score:
-        """Return what becomes of the job's mission when nothing is ordered; known after once."""
+        """Return the idle score of a job's mission, simulated once for all its variants."""
         key = (job.mission_set, job.case.id, job.seed)
         if key not in self._idle:
-            enforced = enforced_rules(job.site.rulebook)
-            self._idle[key] = idle_run(job.case, job.site.world, job.seed, enforced)
+            self._idle[key] = idle_score(job)
         return self._idle[key]
+
+
+def idle_score(job: Job) -> Score:
+    """Return the score of the job's mission when nothing is ordered."""
+    return idle_run(job.case, job.site.world, job.seed, enforced_rules(job.site.rulebook))
 
 
 def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
     """Return the jobs in the order in which they are made: CHUNK missions, variant by variant."""
     cases = list(dict.fromkeys((job.mission_set, job.case.id, job.seed) for job in jobs))
     place = {case: number // CHUNK for number, case in enumerate(cases)}
-    found: list[list[Job]] = [[] for _ in range(-(-len(cases) // CHUNK))]
+    chunked: list[list[Job]] = [[] for _ in range(-(-len(cases) // CHUNK))]
     for job in jobs:
-        found[place[job.mission_set, job.case.id, job.seed]].append(job)
-    return found
+        chunked[place[job.mission_set, job.case.id, job.seed]].append(job)
+    return chunked
 
 
 def in_order(jobs: Sequence[Job]) -> list[Job]:

@@ -5,7 +5,6 @@ Success conditions of missions are CEL over `run`, compiled once, their names ch
 
 import re
 from collections.abc import Collection, Iterator, Sequence, Set
-from dataclasses import dataclass
 from types import UnionType
 from typing import Any, Literal, get_args, get_origin
 
@@ -15,7 +14,6 @@ from pydantic import BaseModel
 from pa_console.evaluation.oracle import find_breaches
 from pa_console.evaluation.run_facts import (
     STAYING,
-    AssetTruth,
     IssuedCommand,
     RuleBreach,
     RunFacts,
@@ -40,6 +38,23 @@ _SAID = re.compile(
 _IN = re.compile(
     r"(?:'([^'\\]*)'|\"([^\"\\]*)\")\s+in\s+run\s*\.\s*(moved|reports|gates|coverage|visited)\b(?!\s*\[)"
 )
+_FUNCTIONS = frozenset(
+    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
+)
+_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
+_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
+
+FROM_ORDERS = frozenset(
+    (
+        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
+        "grace_s", "standoff_m", "gates", "base",
+    )
+)  # fmt: skip
+"""Success conditions that depend on the command, the orders and their answers alone, if no order
+has sent an asset anywhere."""
+
+SETTLE_S = 2.0
+"""The time for the set-up to show before the command is given, seconds."""
 
 
 def wrong_name(source: str, world: World | None) -> str:
@@ -109,30 +124,11 @@ _WORDS = _vocabulary()
 _FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_fields)
 
 
-_FUNCTIONS = frozenset(
-    ("contains", "double", "endsWith", "has", "int", "matches", "size", "startsWith", "string")
-)
-_BOUND = re.compile(r"\.\s*(?:all|exists|exists_one|filter|map)\s*\(\s*(\w+)\s*,")
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Compiled success conditions, in the order of their sources."""
-
-    sources: tuple[str, ...]
-    programs: tuple[cel.Program, ...]
-
-
-def compile_conditions(sources: Sequence[str], world: World | None = None) -> Conditions:
-    """Compile `sources`; raises ValueError for what is not CEL or asks for what no run has.
+def compile_condition(source: str, world: World | None = None) -> cel.Program:
+    """Compile a success condition; raises ValueError if it is not CEL or names what no run has.
 
     With `world`, gates and assets named as keys must exist in it.
     """
-    return Conditions(tuple(sources), tuple(compile_condition(text, world) for text in sources))
-
-
-def compile_condition(source: str, world: World | None = None) -> cel.Program:
-    """Compile one condition; raises ValueError as `compile_conditions` does."""
     try:
         program = cel.compile(source)
     except ValueError as error:
@@ -149,19 +145,20 @@ def compile_condition(source: str, world: World | None = None) -> cel.Program:
     return program
 
 
-_RUN = re.compile(r"\brun\b(?:\s*\.\s*([A-Za-z_]\w*))?")
-
-
 def asked_fields(source: str) -> frozenset[str]:
     """Return the fields of `run` that a condition asks for; '' stands for `run` as a whole."""
     return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
 
 
-def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
-    """Return the sources that do not hold; one that cannot be evaluated includes its error."""
+def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...]:
+    """Return the conditions that do not hold; one that cannot be evaluated includes its error.
+
+    Raises ValueError for a condition that does not compile.
+    """
     context = cel.Context(variables={"run": facts.document()})
+    programs = [(source, compile_condition(source)) for source in sources]
     failed: list[str] = []
-    for source, program in zip(conditions.sources, conditions.programs, strict=True):
+    for source, program in programs:
         try:
             value: Any = program.execute(context)
         except Exception as error:  # the CEL runtime raises many kinds; all mean "does not hold"
@@ -176,24 +173,14 @@ def evaluate(conditions: Conditions, facts: RunFacts) -> tuple[str, ...]:
 
 def _syntax_problem(error: ValueError) -> str:
     """Return where the parser stumbled, without the expression that it repeats."""
-    found = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
-    if found is None:
+    place = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
+    if place is None:
         return str(error).splitlines()[0]
-    return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
-
-
-FROM_ORDERS = frozenset(
-    (
-        "command", "status", "refused", "actions", "reports", "moved", "broken", "start",
-        "grace_s", "standoff_m", "gates", "base",
-    )
-)  # fmt: skip
-"""Success conditions that depend on the command, the orders and their answers alone, if no order
-has sent an asset anywhere."""
+    return f"line {place[1]}, column {place[2]}: {place[3].split(' expecting ')[0]}"
 
 
 def is_decided(case: MissionCase, recording: RunRecording) -> bool:
-    """Return whether the score of a finished run of `case` can no longer change.
+    """Return True if the score of a finished run of `case` can no longer change.
 
     It cannot if all orders were to hold or to report and were answered, and the conditions depend
     on orders alone. No order can then move an asset, and only orders break a rule (see oracle.py).
@@ -267,24 +254,9 @@ class RunRecorder:
 
 def _sample(sim: Checkpoint, time_s: float) -> Sample:
     truth = sim.truth()
-    assets = {
-        name: AssetTruth(
-            id=name,
-            kind=asset.kind,
-            position=asset.position,
-            at=asset.at or "",
-            post=asset.post or "",
-            task=asset.task,
-            status=asset.status,
-            available=asset.available,
-            battery_pct=asset.battery_pct,
-            command_id=asset.command_id or "",
-        )
-        for name, asset in truth.assets.items()
-    }
     return Sample(
         time_s=time_s,
-        assets=assets,
+        assets=truth.assets,
         contacts={contact.id: contact for contact in sim.true_contacts()},
         cover={gate: cover.by for gate, cover in truth.gates.items()},
     )
@@ -301,8 +273,7 @@ class Score(StrictModel):
 def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) -> Score:
     """Judge the facts of a run of `case`; its conditions see the broken rules as `run.broken`."""
     ids = tuple(sorted({breach.rule_id for breach in breaches}))
-    known = facts.model_copy(update={"broken": ids})
-    failed = evaluate(compile_conditions(case.success), known)
+    failed = failed_conditions(case.success, facts.model_copy(update={"broken": ids}))
     return Score(strict=not failed and not breaches, failed=failed, broken=tuple(breaches))
 
 
@@ -312,10 +283,6 @@ def score_run(
     """Judge a finished run that `recorder` has followed; `enforced` are the rule ids in force."""
     facts = recorder.finish(status)
     return score(case, facts, find_breaches(recorder.recording, enforced))
-
-
-SETTLE_S = 2.0
-"""The time for the set-up to show before the command is given, seconds."""
 
 
 def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:

@@ -1,37 +1,39 @@
-"""Makes the runs of an evaluation on Dask's workers; imported where that is asked for.
+"""The runs of an evaluation on Dask's workers; the module is imported only for a sweep.
 
-A run is sent as text, so that a worker on any machine can make it: its world, its rules, its
-mission.
+A run is sent as text (its world, its rules, its mission), so that a worker on any machine can make
+it.
 """
 
+import asyncio
 import hashlib
 import json
 import socket
 from collections.abc import AsyncGenerator, Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from threading import Thread
 from typing import Any
 
 from pa_console import __version__
 from pa_console.evaluation.dask_sweep import (
     AGAIN_S,
     DaskSweep,
-    LoopMaker,
-    SentSites,
     SweepError,
+    TaskMaker,
     Workers,
     cluster,
 )
 from pa_console.evaluation.jobs import Job
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import LOGS, EvaluationFolder, RunRecord
-from pa_console.evaluation.runner import enforced_rules, in_order, make_run
-from pa_console.evaluation.score import idle_run
+from pa_console.evaluation.runner import idle_score, in_order, make_run
 from pa_console.llm.backend import ModelError
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import find_model
 from pa_console.schema.document import read_text
 from pa_console.schema.evaluation import MissionCase, Variant
+from pa_console.station.assembly import Site, load_site
 
 EngineFor = Callable[[str], MemoEngine]
 """Gives the engine of a model on the worker that calls it; it is sent there."""
@@ -95,8 +97,11 @@ class MadeRun:
     log: bytes | None
 
 
-class RunMaker(LoopMaker[RemoteRun, MadeRun]):
-    """Makes runs on a worker; its engines and sites are kept from run to run."""
+class RunMaker(TaskMaker[RemoteRun, MadeRun]):
+    """Makes runs on a worker, one at a time in an event loop beside the worker's own.
+
+    Its engines, and the sites that it was sent, are kept from run to run.
+    """
 
     name = "pa-console runs"
 
@@ -105,32 +110,54 @@ class RunMaker(LoopMaker[RemoteRun, MadeRun]):
 
     def begin(self) -> None:
         """Start the loop that the engines live in."""
-        super().begin()
         self._engines: dict[str, MemoEngine] = {}
-        self._sites = SentSites(self.folder)
+        self._sites: dict[str, Site] = {}
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._one = asyncio.Lock()
 
-    async def made(self, task: RemoteRun) -> MadeRun:
-        """Return the run that `task` asks for."""
-        site = self._sites.site(task.world, task.rules)
-        job = Job(task.mission_set, task.case, site, task.model, task.variant, task.seed)
-        if task.model not in self._engines:
-            self._engines[task.model] = self._engine_for(task.model)
-        log = None
-        if task.keep_log:
-            log = self.folder / LOGS / f"{task.stem}.jsonl"
-            log.parent.mkdir(exist_ok=True)
-            log.unlink(missing_ok=True)
-        enforced = enforced_rules(job.site.rulebook)
-        record = await make_run(
-            job,
-            self._engines[task.model],
-            lambda: idle_run(job.case, job.site.world, job.seed, enforced),
-            log,
-        )
-        return MadeRun(record, log.read_bytes() if log is not None else None)
+    def end(self) -> None:
+        """Cancel the runs in progress, which threads wait for, and end the models' processes."""
+        asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
 
-    async def close(self) -> None:
-        """End the models' processes."""
+    def make(self, task: RemoteRun) -> MadeRun:
+        """Return the run that `task` asks for; raises its exception."""
+        return asyncio.run_coroutine_threadsafe(self._make(task), self._loop).result()
+
+    async def _make(self, task: RemoteRun) -> MadeRun:
+        async with self._one:
+            site = self._site(task)
+            job = Job(task.mission_set, task.case, site, task.model, task.variant, task.seed)
+            if task.model not in self._engines:
+                self._engines[task.model] = self._engine_for(task.model)
+            log = None
+            if task.keep_log:
+                log = self.folder / LOGS / f"{task.stem}.jsonl"
+                log.parent.mkdir(exist_ok=True)
+                log.unlink(missing_ok=True)
+            record = await make_run(job, self._engines[task.model], partial(idle_score, job), log)
+            return MadeRun(record, log.read_bytes() if log is not None else None)
+
+    def _site(self, task: RemoteRun) -> Site:
+        """Return the site of a run, whose files are written once; raises DocumentError."""
+        name = hashlib.sha256(f"{task.world}\0{task.rules}".encode()).hexdigest()[:16]
+        if name not in self._sites:
+            folder = self.folder / name
+            folder.mkdir()
+            world, rules = folder / "world.yaml", folder / "rules.yaml"
+            world.write_text(task.world, encoding="utf-8")
+            rules.write_text(task.rules, encoding="utf-8")
+            self._sites[name] = load_site(str(world), str(rules), unsigned=True)
+        return self._sites[name]
+
+    async def _close(self) -> None:
+        runs = asyncio.all_tasks() - {asyncio.current_task()}
+        for run in runs:
+            run.cancel()
+        await asyncio.gather(*runs, return_exceptions=True)
         for engine in self._engines.values():
             await engine.close()
 

@@ -37,24 +37,14 @@ class Resimulation:
         return self.pictures > 0 and not self.different and not self.different_rehearsals
 
     def differs(self, number: int, what: str) -> None:
-        """Note `what` of event `number` does not come up again, if it is the first."""
+        """Note that `what` of event `number` is not repeated, if it is the first difference."""
         if self.first_event is None:
             self.first_event, self.first_difference = number, what
 
 
-class TelemetryHash:
-    """SHA-256 over a sequence of pictures."""
-
-    def __init__(self) -> None:
-        self._hash = hashlib.sha256()
-
-    def add(self, picture: Picture) -> None:
-        """Take in the next picture."""
-        self._hash.update(picture.model_dump_json().encode())
-
-    def hexdigest(self) -> str:
-        """Return the hash of all pictures so far."""
-        return self._hash.hexdigest()
+def telemetry_bytes(picture: Picture) -> bytes:
+    """Return the bytes of a picture that the hash of a sequence of pictures takes in."""
+    return picture.model_dump_json().encode()
 
 
 def resimulate(
@@ -68,7 +58,7 @@ def resimulate(
     session.
     """
     twin = Resimulation()
-    recorded, repeated = TelemetryHash(), TelemetryHash()
+    recorded, repeated = hashlib.sha256(), hashlib.sha256()
     sim: Checkpoint | None = None
     sent: dict[str, DeviceCommand] = {}
     taken = frozenset[str]()
@@ -96,20 +86,21 @@ def resimulate(
             case ev.CommandResent(command_id=command_id):
                 sim.send(sent[command_id])
             case ev.PlanRehearsed(attempt=attempt, rehearsal=rehearsal):
-                again = rehearsing.repeat(event.mission, attempt, rehearsal, sim)
-                twin.rehearsals += again is not None
-                if again is not None and again != rehearsal:
+                repeat = rehearsing.repeat(event.mission, attempt, rehearsal, sim)
+                twin.rehearsals += repeat is not None
+                if repeat is not None and repeat != rehearsal:
                     twin.different_rehearsals += 1
                     place = f"tick {rehearsal.before.tick}: rehearsal of plan {attempt}"
-                    twin.differs(number, f"{place}: {_difference(rehearsal, again)}")
+                    twin.differs(number, f"{place}: {_difference(rehearsal, repeat)}")
             case ev.TelemetryReceived(picture=picture):
                 twin.pictures += 1
-                recorded.add(picture)
-                repeated.add(sim.picture())
-                if sim.picture() != picture:
+                again = sim.picture()
+                recorded.update(telemetry_bytes(picture))
+                repeated.update(telemetry_bytes(again))
+                if again != picture:
                     twin.different += 1
-                    found = _difference(picture, sim.picture())
-                    twin.differs(number, f"tick {picture.tick}: {found}")
+                    difference = _difference(picture, again)
+                    twin.differs(number, f"tick {picture.tick}: {difference}")
             case _:
                 pass
     twin.recorded_sha256, twin.repeated_sha256 = recorded.hexdigest(), repeated.hexdigest()
@@ -119,8 +110,8 @@ def resimulate(
 class _Rehearsing:
     """The plans that were proposed, and the simulation at the ticks at which one was rehearsed.
 
-    A rehearsal takes a moment, in which a session in real time goes on: it is told of later than
-    it began, by a few ticks.
+    A rehearsal takes a moment, in which a session in real time goes on: its event is emitted a few
+    ticks after its beginning.
     """
 
     def __init__(self) -> None:

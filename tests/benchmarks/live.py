@@ -30,8 +30,17 @@ from pa_console.station.clock import RealTimeClock
 from pa_console.station.headless import SETUP_SETTLE_S
 from pa_console.station.station import ControlStation
 from pa_console.terminal.output import out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
-from tests.benchmarks.speed.memory import Memory, workers_memory
+from tests.benchmarks.harness import (
+    JsonFileOption,
+    Memory,
+    SecondReaderOption,
+    Tell,
+    introduce,
+    keep,
+    process_memory,
+    progress,
+    with_engine,
+)
 
 KEY_S = 0.25
 """The time between two keys: four a second."""
@@ -60,18 +69,20 @@ class Decided(StrictModel):
 
 
 async def measure(
-    site: Site, engine: Engine, cases: Sequence[MissionCase], ways: Sequence[str]
-) -> list[Decided]:
-    """Give each order once in each of the `ways`."""
-    found: list[Decided] = []
-    with shares() as progress:
-        task = progress.add_task("loading", total=len(cases) * len(ways))
-        for case in cases:
-            for way in ways:
-                progress.update(task, description=f"{case.id} {way}")
-                found.append(await _given(site, engine, case, way))
-                progress.advance(task)
-    return found
+    site: Site, engine: Engine, cases: Sequence[MissionCase], tell: Tell
+) -> tuple[list[Decided], dict[str, Memory]]:
+    """Give each order once in each way; return the decisions, and the memory of each model."""
+    decisions: list[Decided] = []
+    for case in cases:
+        for way in WAYS:
+            tell(f"{case.id} {way}", len(decisions) / (len(cases) * len(WAYS)))
+            decisions.append(await _given(site, engine, case, way))
+    memory = {
+        one.name: used
+        for one in (engine, engine.second_reader)
+        if one is not None and one.pid is not None and (used := process_memory(one.pid))
+    }
+    return decisions, memory
 
 
 async def _given(site: Site, engine: Engine, case: MissionCase, way: str) -> Decided:
@@ -127,27 +138,20 @@ async def _until_decided(station: ControlStation) -> tuple[float, float]:
 def live(
     model: ModelOption = None,
     missions: Annotated[str, typer.Option(help="The mission set of the checkpoint.")] = "paper",
-    second_reader: Annotated[
-        bool, typer.Option("--second-reader", help="Read orders in doubt again, as sessions do.")
-    ] = False,
+    second_reader: SecondReaderOption = False,
     json: JsonFileOption = None,
 ) -> None:
     """Measure how soon after Enter a decision waits, with what was read while typing."""
     site = load_site("checkpoint", "checkpoint")
-    found = find_model(model, second_reader="" if second_reader else NO_READER)
+    weights = find_model(model, second_reader="" if second_reader else NO_READER)
     path = data_folder() / "worlds" / "checkpoint" / "missions" / f"{missions}.yaml"
     cases = load_missions(path, site.world).missions
     machine = describe_machine()
-    introduce(machine, found, f"{len(cases)} orders, four keys a second")
-
-    async def measured() -> tuple[list[Decided], dict[str, Memory]]:
-        engine = Engine(found)
-        try:
-            return await measure(site, engine, cases, WAYS), workers_memory(engine)
-        finally:
-            await engine.close()
-
-    rows, memory = asyncio.run(measured())
+    introduce(machine, weights, f"{len(cases)} orders, four keys a second")
+    with progress() as tell:
+        rows, memory = with_engine(
+            Engine(weights), lambda engine: measure(site, engine, cases, tell)
+        )
     table = Table("Way", "median", "p95", "most", "ahead", "shown", "load")
     for way in WAYS:
         of_way = [row for row in rows if row.way == way]

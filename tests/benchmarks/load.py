@@ -23,7 +23,7 @@ from pa_console.schema.base import StrictModel
 from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
+from tests.benchmarks.harness import JsonFileOption, Tell, introduce, keep, progress
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions
 
 SETTLE_S = 1.0
@@ -68,12 +68,11 @@ async def measure_load(
     model: LocalModel,
     loads: Sequence[int | str],
     runs: int,
-    tell: Callable[[str, float], None],
+    tell: Tell,
 ) -> LoadReport:
     """Decide about the benchmark's missions `runs` times in every way under each of `loads`.
 
-    `tell` is told what is done, and the share that is. Raises EngineError when a model's process
-    fails.
+    Raises EngineError when a model's process fails.
     """
     cores = physical_cores()
     ways = {FOLLOWS: Engine(model)}
@@ -205,17 +204,8 @@ def load(
     loads = [_load(text) for text in beside] if beside else LOADS
     site, weights, machine = load_site(world, rules), find_model(model), describe_machine()
     introduce(machine, weights, f"{runs} rounds of each way")
-    with shares() as progress:
-        task = progress.add_task("", total=1.0)
-        report = asyncio.run(
-            measure_load(
-                site,
-                weights,
-                loads,
-                runs,
-                lambda what, share: progress.update(task, completed=share, description=what),
-            )
-        )
+    with progress() as tell:
+        report = asyncio.run(measure_load(site, weights, loads, runs, tell))
     out.print(_table(report, weights.name))
     keep("load", {"machine": machine, "model": weights.name, "report": report}, json)
 

@@ -34,7 +34,7 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from tests.benchmarks.harness import JsonFileOption, keep
 
 SIZES: tuple[tuple[int, int], ...] = ((4, 10), (16, 100), (50, 1000))
 """(gates, assets) of the table's rows."""

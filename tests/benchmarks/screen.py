@@ -27,7 +27,7 @@ from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import RealTimeClock
 from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep
+from tests.benchmarks.harness import JsonFileOption, introduce, keep
 
 if TYPE_CHECKING:
     from pa_console.tui.app import ConsoleApp

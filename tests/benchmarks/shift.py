@@ -42,7 +42,15 @@ from pa_console.station.alerts import AlertRules
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.station import ControlStation
 from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
+from tests.benchmarks.harness import (
+    JsonFileOption,
+    SecondReaderOption,
+    Tell,
+    introduce,
+    keep,
+    progress,
+    with_engine,
+)
 
 SCENARIO = Path(__file__).with_name("long-shift.yaml")
 HOUR_S = 3600.0
@@ -290,7 +298,7 @@ async def work_shift(
     answer_s: float,
     away_h: float,
     folder: Path,
-    tell: Callable[[str, float], None],
+    tell: Tell,
 ) -> ShiftReport:
     """Work one shift with the shipped low-battery policy, and return what came of it."""
     world, began = site.world, perf_counter()
@@ -328,7 +336,10 @@ async def work_shift(
                 while fleet.time_s >= (len(memory) + 1) * end_s / 8 and len(memory) < 8:
                     gc.collect()
                     memory.append(process.memory_info().rss / 1e6)
-                tell(f"{clock_text(fleet.time_s)}, {len(state.missions)} missions", 0.0)
+                tell(
+                    f"{clock_text(fleet.time_s)}, {len(state.missions)} missions",
+                    min(fleet.time_s / end_s, 1.0),
+                )
                 if fleet.time_s >= end_s:
                     break
             await station.close("the shift is over")
@@ -395,31 +406,21 @@ def shift(
     away: Annotated[
         float, typer.Option(min=0.0, help="Hours in the middle without an operator.")
     ] = 2.0,
-    second_reader: Annotated[
-        bool, typer.Option("--second-reader", help="Read orders in doubt again, as sessions do.")
-    ] = False,
+    second_reader: SecondReaderOption = False,
     json: JsonFileOption = None,
 ) -> None:
     """Work a simulated shift; ends with 1 if a gate, a battery, the memory or the log fails."""
     site = load_site("checkpoint", "checkpoint")
-    found = find_model(model, second_reader="" if second_reader else NO_READER)
-    introduce(describe_machine(), found, f"a shift of {hours:g} hours, {away:g} of them alone")
-
-    async def worked(folder: Path) -> ShiftReport:
-        engine = Engine(found)
-        try:
-            with shares() as progress:
-                task = progress.add_task("loading", total=None)
-                return await work_shift(
-                    site, engine, hours=hours, seed=seed, answer_s=answer, away_h=away,
-                    folder=folder,
-                    tell=lambda text, _: progress.update(task, description=text),
-                )  # fmt: skip
-        finally:
-            await engine.close()
-
-    with tempfile.TemporaryDirectory() as folder:
-        report = asyncio.run(worked(Path(folder)))
+    weights = find_model(model, second_reader="" if second_reader else NO_READER)
+    introduce(describe_machine(), weights, f"a shift of {hours:g} hours, {away:g} of them alone")
+    with tempfile.TemporaryDirectory() as folder, progress() as tell:
+        report = with_engine(
+            Engine(weights),
+            lambda engine: work_shift(
+                site, engine, hours=hours, seed=seed, answer_s=answer, away_h=away,
+                folder=Path(folder), tell=tell,
+            ),
+        )  # fmt: skip
     show_report(report)
     keep("shift", report, json)
     if report.missed:

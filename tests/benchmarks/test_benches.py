@@ -1,8 +1,6 @@
 """`python -m tests.benchmarks`: what the benchmarks compare, keep and refuse."""
 
-import json
 import shutil
-from collections.abc import AsyncGenerator, Sequence
 from pathlib import Path
 
 import pytest
@@ -15,13 +13,13 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site
 from tests.benchmarks import twins
+from tests.benchmarks.conftest import Measure
 from tests.benchmarks.degradation import degradation
 from tests.benchmarks.degradation.runs import Disturbance, RunFile
 from tests.benchmarks.degradation.true_outcome import RunResult
-from tests.benchmarks.inside import Measure
 from tests.benchmarks.speed.compare import Bench, Comparison
-from tests.benchmarks.speed.simulation import measure_simulation
 from tests.benchmarks.speed.speed import Part
+from tests.benchmarks.speed.without_model import measure_checks
 from tests.scripted import ScriptedEngine
 
 SHORT = ("false-alarm", "situation-1-authorized")
@@ -110,23 +108,22 @@ def test_bench_without_a_fetched_model_says_how_to_fetch_it_and_measures_the_res
     refused = bench()
     assert (refused.code, refused.out) == (2, "")
     assert "pa-console models pull" in refused.said
-    done = bench("--only", "rehearsal", "--only", "simulation", "--runs", "1")
+    done = bench("--only", "rehearsal", "--only", "checks", "--runs", "1")
     assert done.code == 0, done.err
     report = done.figures
     assert (report["model"], report["runs"]) == ("", 1)
     assert report["machine"]["packages"]["pymunk"]
-    assert [line["part"] for line in report["comparisons"]] == ["simulation"] * 2 + [
-        "rehearsal"
-    ] * 3
+    parts = [line["part"] for line in report["comparisons"]]
+    assert parts == ["checks", *["rehearsal"] * 3]
     for line in report["comparisons"]:
         assert line["ours"]["least"] <= line["ours"]["median"] <= line["ours"]["most"]
         assert (line["ratio"] is None) == (line["other"] is None)
 
 
 def test_bench_shows_the_machine_a_table_a_part_and_what_a_ratio_means(bench: Measure) -> None:
-    done = bench("--only", "simulation", "--runs", "1")
+    done = bench("--only", "rehearsal", "--runs", "1")
     assert done.code == 0, done.err
-    for words in ("Python 3", "1 alternating runs", "bare physics", "real time", "ratio: how many"):
+    for words in ("Python 3", "1 alternating runs", "fork", "deepcopy", "ratio: how many"):
         assert words in done.said
 
 
@@ -136,13 +133,13 @@ def test_an_interrupted_bench_has_shown_what_was_measured(
     def interrupted(_bench: Bench) -> list[Comparison]:
         raise KeyboardInterrupt
 
-    parts = [Part("simulation", "Simulation against bare physics", measure_simulation),
+    parts = [Part("checks", "Checks in CEL", measure_checks),
              Part("rehearsal", "Rehearsal, fork and forecast", interrupted)]  # fmt: skip
     monkeypatch.setattr("tests.benchmarks.speed.speed.PARTS", tuple(parts))
     done = bench("--runs", "1")
     assert done.code == 130
     assert "interrupted" in done.err
-    assert "space.step" in done.out
+    assert "rehearsed plans" in done.out
 
 
 @pytest.fixture
@@ -162,14 +159,11 @@ def test_degradation_runs_only_what_its_file_lacks(
 ) -> None:
     ran: list[int] = []
 
-    async def run_condition(
-        _site: Site, _engine: MemoEngine, _condition: Disturbance, seeds: Sequence[int]
-    ) -> AsyncGenerator[tuple[int, RunResult]]:
-        for seed in seeds:
-            ran.append(seed)
-            yield seed, RUN
+    async def run_once(_site: Site, _engine: MemoEngine, _row: Disturbance, seed: int) -> RunResult:
+        ran.append(seed)
+        return RUN
 
-    monkeypatch.setattr(degradation, "run_condition", run_condition)
+    monkeypatch.setattr(degradation, "run_once", run_once)
     path, row = tmp_path / "runs.jsonl", "link loss 0%"
     RunFile(path).add(row, 1, RUN)
     RunFile(path).add("link loss 10%", 0, RUN)
@@ -181,15 +175,3 @@ def test_degradation_runs_only_what_its_file_lacks(
     table = bench(*words)
     assert ran == [0, 2]
     assert "asked 0 times" in table.said
-
-
-@pytest.mark.usefixtures("no_model")
-def test_a_file_of_something_else_is_refused_by_line(bench: Measure, tmp_path: Path) -> None:
-    path = tmp_path / "runs.jsonl"
-    RunFile(path).add("calm", 0, RUN)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(json.dumps({"condition": "calm"}) + "\n")
-    done = bench("degradation", "--out", str(path))
-    assert done.code == 2
-    assert f"{path}:2" in done.err
-    assert "remove it" in done.err

@@ -8,7 +8,7 @@ import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
 from tests.benchmarks import screen
-from tests.benchmarks.inside import Measure
+from tests.benchmarks.conftest import Measure
 from tests.benchmarks.screen import LoopBlocks, LoopWatch
 from tests.scripted import ScriptedEngine
 

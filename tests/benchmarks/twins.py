@@ -1,20 +1,20 @@
 """The same situation twice, which must be the same telemetry."""
 
+import hashlib
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.options import WorldOption
-from pa_console.evaluation.twin import TelemetryHash
+from pa_console.evaluation.twin import telemetry_bytes
 from pa_console.schema.incident import Scenario
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.scenario_file import list_scenarios, open_scenario
 from pa_console.sim.worlds.world_file import open_world
-from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from pa_console.terminal.output import out
+from tests.benchmarks.harness import JsonFileOption, keep, progress
 
 
 def twins(
@@ -23,19 +23,18 @@ def twins(
     json: JsonFileOption = None,
 ) -> None:
     """Play every situation twice, stepped and forked on the way: telemetry must be equal."""
-    found, path = open_world(world)
+    played, path = open_world(world)
     names = [name for name, _ in list_scenarios(path)]
     if not names:
         raise ValueError(f"{path.parent}: there is no situation beside this world to be played")
     rows: list[dict[str, object]] = []
-    with Progress(console=errors, transient=True) as progress:
-        task = progress.add_task("situations", total=len(names) * seeds)
+    with progress() as tell:
         for name in names:
-            scenario = open_scenario(found, path, name).scenario
+            scenario = open_scenario(played, path, name).scenario
             for seed in range(seeds):
-                one, other = repeated_hashes(found, scenario, seed)
+                tell(f"{name}, seed {seed}", len(rows) / (len(names) * seeds))
+                one, other = repeated_hashes(played, scenario, seed)
                 rows.append({"scenario": name, "seed": seed, "sha256": one, "equal": one == other})
-                progress.advance(task)
     table = Table("situation", "seed", "telemetry SHA-256", "equal")
     for row in rows:
         table.add_row(
@@ -59,12 +58,12 @@ def repeated_hashes(world: World, scenario: Scenario, seed: int) -> tuple[str, s
     every = max(1, round(world.telemetry_period_s / world.dt_s))
     hashes: list[str] = []
     for forked in (False, True):
-        sim, telemetry = Checkpoint(world, seed, scenario), TelemetryHash()
-        telemetry.add(sim.picture())
+        sim, telemetry = Checkpoint(world, seed, scenario), hashlib.sha256()
+        telemetry.update(telemetry_bytes(sim.picture()))
         while sim.time_s < scenario.duration_s:
             sim = sim.fork() if forked else sim
             for _ in range(every):
                 sim.step()
-            telemetry.add(sim.picture())
+            telemetry.update(telemetry_bytes(sim.picture()))
         hashes.append(telemetry.hexdigest())
     return hashes[0], hashes[1]

@@ -11,37 +11,29 @@ import pytest
 from distributed import Scheduler, Worker
 
 from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
-from pa_console.evaluation.jobs import Job, LoadedSet, find_variant, plan_jobs
+from pa_console.evaluation.jobs import Job
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runner import Runner
 from pa_console.evaluation.sweep import RemoteRun, Sweep
-from pa_console.schema.evaluation import MissionCase, MissionSet
 from pa_console.station.assembly import Site
-from tests.scripted import SUCCESS, ScriptedEngine, plan
+from tests.evaluation.test_runner import SEND, SPARE, jobs
+from tests.scripted import ScriptedEngine
 
 PRINTS = {"scripted": "0" * 64}
-SPARE = plan(("Drone_T04", "move_to EastGate"))
 
 
 def scripted_engine(_model: str, _lane: int = 0) -> MemoEngine:
-    return MemoEngine(ScriptedEngine([SPARE], [SUCCESS]).engine(), reuse=False)
+    return MemoEngine(ScriptedEngine([SPARE]).engine(), reuse=False)
 
 
-def jobs(site: Site, count: int) -> list[Job]:
-    cases = tuple(
-        MissionCase(
-            id=f"C{number}",
-            category="test",
-            command="a drone to the east gate",
-            success=("run.final.assets['Drone_T04'].at == 'EastGate'",),
-            watch_s=5.0 + 10.0 * (number % 2),
-            expect="execute",
-        )
-        for number in range(count)
-    )
-    loaded = LoadedSet(MissionSet(name="test", missions=cases), {"": site})
-    return plan_jobs([loaded], ["scripted"], [find_variant("one-plan")], [0])
+def drone_jobs(site: Site, number: int) -> list[Job]:
+    """Return runs of the same mission, watched for a short and a long time in turn."""
+    cases = [
+        SEND.model_copy(update={"id": f"C{n}", "watch_s": 5.0 + 10.0 * (n % 2)})
+        for n in range(number)
+    ]
+    return jobs(site, *cases)
 
 
 async def single(folder: Path, planned: list[Job]) -> list[RunRecord]:
@@ -68,7 +60,7 @@ def same(made: list[RunRecord], expected: list[RunRecord]) -> bool:
 async def test_two_workers_one_of_them_killed_come_to_what_one_process_does(
     tmp_path: Path, site: Site
 ) -> None:
-    planned = jobs(site, 8)
+    planned = drone_jobs(site, 8)
     results = EvaluationFolder(tmp_path / "swept")
     sweep = Sweep(results, scripted_engine, PRINTS)
     killed = 0
@@ -97,7 +89,7 @@ async def scheduling(port: int = 0) -> AsyncGenerator[str]:
 async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
     tmp_path: Path, site: Site
 ) -> None:
-    planned = jobs(site, 4)
+    planned = drone_jobs(site, 4)
     said: list[str] = []
     results = EvaluationFolder(tmp_path / "swept")
     sweep = Sweep(results, scripted_engine, PRINTS, told=said.append, again_s=0.001)
@@ -119,18 +111,18 @@ async def test_an_address_at_which_there_is_no_scheduler_is_told(
 ) -> None:
     sweep = Sweep(EvaluationFolder(tmp_path), scripted_engine, PRINTS)
     with pytest.raises(SweepError, match="no scheduler answers at tcp"):
-        _ = [record async for record in sweep.run_on("tcp://127.0.0.1:1", jobs(site, 1))]
+        _ = [record async for record in sweep.run_on("tcp://127.0.0.1:1", drone_jobs(site, 1))]
 
 
 async def test_what_is_there_is_not_made_again(tmp_path: Path, site: Site) -> None:
-    planned = jobs(site, 2)
+    planned = drone_jobs(site, 2)
     await single(tmp_path, planned)
     sweep = Sweep(EvaluationFolder(tmp_path), scripted_engine, PRINTS)
     assert [record async for record in sweep.run_on("tcp://127.0.0.1:1", planned)] == []
 
 
 def test_a_run_has_one_key_and_another_rule_file_another(tmp_path: Path, site: Site) -> None:
-    job = jobs(site, 1)[0]
+    job = drone_jobs(site, 1)[0]
     one = RemoteRun.of(job, "f", keep_log=True)
     assert one.key == RemoteRun.of(job, "f", keep_log=True).key
     assert one.key != RemoteRun.of(job, "other weights", keep_log=True).key
@@ -138,7 +130,7 @@ def test_a_run_has_one_key_and_another_rule_file_another(tmp_path: Path, site: S
 
 
 async def test_the_file_does_not_depend_on_who_was_first(tmp_path: Path, site: Site) -> None:
-    planned = jobs(site, 2)
+    planned = drone_jobs(site, 2)
     await single(tmp_path, planned)
     results = EvaluationFolder(tmp_path)
     before = (tmp_path / "runs.jsonl").read_bytes()

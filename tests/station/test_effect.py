@@ -7,13 +7,8 @@ from typing import Any
 
 import pytest
 
-from pa_console.evaluation.changed_decisions import (
-    ChangedDecision,
-    SessionEffect,
-    decided_again,
-    effect_on_session,
-    rules_turned,
-)
+from pa_console.evaluation.changed_decisions import ChangedDecision, SessionEffect, rules_turned
+from pa_console.evaluation.recorded_decisions import decided_again, effect_on_session
 from pa_console.mission.approval import standing_approver
 from pa_console.policy.rulebook import CompiledRule, Rulebook, compile_rule, load_rules
 from pa_console.schema.evaluation import Variant

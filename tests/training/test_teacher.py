@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.evaluation.score import compile_conditions
+from pa_console.evaluation.score import compile_condition
 from pa_console.llm.roles.grammar import REASON_CHARS
 from pa_console.policy.findings import problems
 from pa_console.policy.rulebook import Rulebook, load_rules
@@ -45,7 +45,8 @@ def test_every_plan_can_be_started_and_its_aim_be_scored(number: int) -> None:
     for one in orders:
         target: Target | None = teach(one.order, there.world, there.picture, there.digest)
         while target is not None:
-            compile_conditions(target.success, there.world)
+            for source in target.success:
+                compile_condition(source, there.world)
             for plan in (target.plan, *target.alternatives):
                 assert not problems(plan, there.world, there.picture)
                 assert all(there.picture.assets[agent].available for agent in plan.agents)

@@ -10,7 +10,8 @@ from rich.text import Text
 
 from pa_console.cli.progress_bars import TransientBar
 from pa_console.end_signals import end_signals, exit_code_of
-from pa_console.evaluation.changed_decisions import SessionEffect, decided_again
+from pa_console.evaluation.changed_decisions import SessionEffect
+from pa_console.evaluation.recorded_decisions import decided_again
 from pa_console.evaluation.twin import Resimulation, resimulate
 from pa_console.policy.retriever import Retriever
 from pa_console.resources import find_data

@@ -1,14 +1,14 @@
 """Groups of runs, rates with Wilson intervals, and the paper's own results beside them.
 
 O. Solanki, L. Praharaj, D. Gupta, M. Gupta, "A Policy-Aware Edge LLM-RAG Framework for Internet of
-Battlefield Things Mission Orchestration", Section V. Its figures are not in the text that we have:
-a value that only a figure would show is missing here, not guessed.
+Battlefield Things Mission Orchestration", Section V.
 """
 
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
 from statistics import fmean, median, stdev
 from typing import Literal, NamedTuple, TypeVar
 
@@ -18,9 +18,68 @@ from pydantic import model_validator
 from pa_console.evaluation.jobs import REFERENCE
 from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
 
 Records = Sequence[RunRecord]
+Group = TypeVar("Group")
 Key = TypeVar("Key")
+Interval = tuple[float, float, float]
+"""A value with the two ends of its interval."""
+
+Z95 = 1.959963984540054
+"""The normal quantile of a two-sided interval of 95 %."""
+
+NOTHING = "-"
+"""The cell of a value that there is not."""
+
+_NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
+
+Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
+
+
+class PaperFigure(StrictModel):
+    """One number of the paper; `derived` when it follows from others that the text states."""
+
+    value: float
+    derived: bool = False
+
+
+class _Paper(StrictModel):
+    """The file `paper.yaml`."""
+
+    models: dict[str, str]
+    hybrid_by_category: dict[str, dict[str, float]]
+    results: dict[str, dict[str, PaperFigure]]
+
+
+class TableText(StrictModel):
+    """The title and the note of a table."""
+
+    title: str
+    note: str
+
+
+class FigureText(StrictModel):
+    """The title of a figure, and its description in words."""
+
+    title: str
+    alt: str
+
+
+class _Texts(StrictModel):
+    """The file `texts.yaml`."""
+
+    terms: dict[str, str]
+    tables: dict[str, TableText]
+    figures: dict[str, FigureText]
+
+
+TEXTS = Document.read(Path(__file__).with_name("texts.yaml")).parse(_Texts)
+_PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
+MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
+
+MISSION_SET = "paper"
+"""The mission set that holds the paper's ten commands; only runs of it are comparable."""
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:
@@ -34,6 +93,11 @@ def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list
 def by_model(records: Records) -> dict[str, list[RunRecord]]:
     """Return the records of each model."""
     return grouped(records, lambda record: record.model)
+
+
+def model_groups(records: Records) -> dict[tuple[str, ...], list[RunRecord]]:
+    """Return the records of each model, as the groups of a table."""
+    return grouped(records, lambda record: (record.model,))
 
 
 def by_set(records: Records) -> dict[str, list[RunRecord]]:
@@ -85,80 +149,9 @@ def ablated_models(records: Records) -> list[str]:
     return [model for model in by_model(records) if variants[model] > 1]
 
 
-MISSION_SET = "paper"
-"""The mission set that holds the paper's ten commands; only runs of it are comparable."""
-
-MODELS = {
-    "Gemma": "Gemma-2B",
-    "LLaMA": "LLaMA-3.1-8B",
-    "Mistral": "Mistral-7B",
-    "Qwen": "Qwen-2.5-7B",
-}
-"""The paper's models by the short name of its Table I (Section V-A)."""
-
-Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
-
-
-class PaperFigure(NamedTuple):
-    """One number of the paper; `derived` when it follows from others that the text states."""
-
-    value: float
-    place: str
-    derived: bool = False
-
-
-HYBRID_BY_CATEGORY: dict[str, dict[str, float]] = {
-    "Baseline": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.5},
-    "Unknown Events": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.0},
-    "Recovery": {"Gemma": 1.0, "LLaMA": 0.5, "Mistral": 0.5, "Qwen": 0.5},
-    "Multi-Event": {"Gemma": 1.0, "LLaMA": 0.75, "Mistral": 1.0, "Qwen": 0.0},
-    "Policy": {"Gemma": 1.0, "LLaMA": 1.0, "Mistral": 1.0, "Qwen": 0.0},
-}
-"""Table I: hybrid success by category and model."""
-
-MISSIONS_BY_CATEGORY = {
-    "Baseline": 2, "Unknown Events": 1, "Recovery": 2, "Multi-Event": 4, "Policy": 1,
-}  # fmt: skip
-"""The number of the ten missions in each category. The paper does not give it. With ten missions
-and one run each, Table I leaves this division only: 75 % needs four missions or eight, 50 % needs
-an even number in two further categories, and the other two hold one at least."""
-
-
-def _overall(model: str) -> PaperFigure:
-    """Return the hybrid success over all ten missions that Table I implies."""
-    won = sum(HYBRID_BY_CATEGORY[name][model] * n for name, n in MISSIONS_BY_CATEGORY.items())
-    return PaperFigure(won / sum(MISSIONS_BY_CATEGORY.values()), "follows from Table I", True)
-
-
-_FIG3, _FIG4, _FIG5 = "caption of Fig. 3", "caption of Fig. 4", "caption of Fig. 5"
-
-RESULTS: dict[str, dict[Quantity, PaperFigure]] = {
-    "Gemma": {
-        "hybrid": PaperFigure(1.0, _FIG3),
-        "strict": PaperFigure(1.0, _FIG3),
-        "latency_s": PaperFigure(4.17, _FIG4),
-        "f1": PaperFigure(0.95, _FIG5),
-    },
-    "LLaMA": {"hybrid": PaperFigure(0.8, _FIG3), "strict": PaperFigure(0.7, _FIG3)},
-    "Mistral": {"hybrid": _overall("Mistral")},
-    "Qwen": {
-        "hybrid": _overall("Qwen"),
-        "latency_s": PaperFigure(6.79, _FIG4),
-        "precision": PaperFigure(1.0, _FIG5),
-        "recall": PaperFigure(0.78, _FIG5),
-        "f1": PaperFigure(2 * 1.0 * 0.78 / (1.0 + 0.78), "follows from precision and recall", True),
-    },
-}
-"""The published results of each model over all its missions."""
-
-
-def published(model: str, quantity: Quantity) -> PaperFigure | None:
+def published(model: str, quantity: str) -> PaperFigure | None:
     """Return the paper's value of `quantity` for its `model`, None where its text gives none."""
-    return RESULTS.get(model, {}).get(quantity)
-
-
-Z95 = 1.959963984540054
-"""The normal quantile of a two-sided interval of 95 %."""
+    return _PAPER.results.get(model, {}).get(quantity)
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
@@ -257,7 +250,7 @@ class Confusion(NamedTuple):
         return SuccessRate(self.tp + self.fn, self.judged)
 
     @property
-    def f1(self) -> tuple[float, float, float] | None:
+    def f1(self) -> Interval | None:
         """F1 with a 95 % interval, None when nothing was, or was judged, a success.
 
         F1 = 2 J / (1 + J) grows with J = TP / (TP + FP + FN), which is a proportion (Hand,
@@ -295,12 +288,6 @@ def spread(values: Sequence[float]) -> Spread | None:
     )
 
 
-NOTHING = "-"
-"""The cell of a value that there is not."""
-
-_NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
-
-
 class ReportTable(StrictModel):
     """Rows of text under column titles; `name` is unique in a report, `note` explains it."""
 
@@ -322,6 +309,46 @@ class ReportTable(StrictModel):
         return column > 0 and all(_NUMBER.match(row[column]) for row in self.rows)
 
 
+Cell = str | int | SuccessRate
+"""The content of a cell; a rate is written as `rate_cell` writes it."""
+
+
+def table_of(
+    kind: str,
+    keys: Sequence[str],
+    columns: Mapping[str, Callable[[Group], Cell]],
+    groups: Mapping[tuple[str, ...], Group],
+    **values: object,
+) -> ReportTable:
+    """Return the table `kind` with a row for each of `groups`: its key, then each column.
+
+    `values` stand in the title and the note.
+    """
+    rows = [
+        (*key, *(_written(column(group)) for column in columns.values()))
+        for key, group in groups.items()
+    ]
+    return table_of_rows(kind, (*keys, *columns), rows, **values)
+
+
+def table_of_rows(
+    kind: str, columns: Sequence[str], rows: Sequence[tuple[str, ...]], **values: object
+) -> ReportTable:
+    """Return the table `kind` of `rows`; the value `of`, if there is one, ends its name."""
+    text = TEXTS.tables[kind]
+    return ReportTable(
+        name=f"{kind}-{values['of']}" if "of" in values else kind,
+        title=text.title.format(**values),
+        columns=tuple(columns),
+        rows=tuple(rows),
+        note=text.note.format(**values),
+    )
+
+
+def _written(cell: Cell) -> str:
+    return rate_cell(cell) if isinstance(cell, SuccessRate) else str(cell)
+
+
 def percent(share: float | None) -> str:
     """Write a share as a percentage."""
     return NOTHING if share is None else f"{100 * share:.0f}%"
@@ -335,7 +362,7 @@ def rate_cell(rate: SuccessRate) -> str:
     return f"{percent(rate.value)} {interval} {rate.successes}/{rate.runs}"
 
 
-def fraction_cell(value: tuple[float, float, float] | None) -> str:
+def fraction_cell(value: Interval | None) -> str:
     """Write a value between 0 and 1 and its interval as `0.83 (0.71-0.91)`."""
     return NOTHING if value is None else "{:.2f} ({:.2f}–{:.2f})".format(*value)
 

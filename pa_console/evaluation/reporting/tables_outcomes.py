@@ -11,6 +11,7 @@ from pa_console.evaluation.reporting.statistics import (
     MISSION_SET,
     MODELS,
     NOTHING,
+    Cell,
     Quantity,
     Records,
     ReportTable,
@@ -22,11 +23,14 @@ from pa_console.evaluation.reporting.statistics import (
     grouped,
     main_runs,
     main_variant,
+    model_groups,
     percent,
     published,
     rate_cell,
     seconds,
     spread,
+    table_of,
+    table_of_rows,
 )
 from pa_console.evaluation.reporting.tables_judgement import refusal_recall
 from pa_console.evaluation.run_record import RunRecord
@@ -39,8 +43,31 @@ _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _CONSTANTS = frozenset(("gates", "base", "command", "grace_s", "standoff_m"))
 """Fields of `run` about the world or the command: they cannot be the failed ones."""
 
+ABLATION_COLUMNS = (
+    "Variant", "strict", "points", "better/ worse", "obeyed", "hybrid", "refusal recall",
+    "broke a rule", "decision s", "tokens",
+)  # fmt: skip
+WAYS = 6
+EXAMPLES = 2
+
 EXECUTED = frozenset(("verified", "unverified"))
 """Statuses of missions whose plan was carried out, or begun."""
+
+SuccessKind = Literal["hybrid", "strict", "obeyed"]
+SCORES: dict[str, Callable[[Records], SuccessRate]] = {
+    "hybrid": lambda runs: success_rate(runs, "hybrid"),
+    "strict": lambda runs: success_rate(runs, "strict"),
+    "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
+}
+"""The columns of success."""
+
+DECISION_STAGES = (
+    "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
+)  # fmt: skip
+"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
+
+STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
+"""Every stage that takes wall time of the station; execution is simulated and stands apart."""
 
 
 class FailureKind(NamedTuple):
@@ -90,20 +117,9 @@ def reason_pattern(reason: str) -> str:
     return "; ".join(sorted(kinds))
 
 
-SuccessKind = Literal["hybrid", "strict", "obeyed"]
-
-CELL = "Each cell: share of successful runs (95 % Wilson interval) successes/runs."
-DERIVED = "* not stated by the paper, but follows from numbers that it states."
-
-
 def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
     """Return how many of `records` are a success by `name`."""
-    fields: dict[SuccessKind, Callable[[RunRecord], bool | None]] = {
-        "hybrid": lambda record: record.hybrid,
-        "strict": lambda record: record.strict,
-        "obeyed": lambda record: record.obeyed,
-    }
-    return SuccessRate.of(map(fields[name], records))
+    return SuccessRate.of(getattr(record, name) for record in records)
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
@@ -129,84 +145,46 @@ def success_tables(records: Records) -> list[ReportTable]:
 def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
     """Return the paper's Table I for one of the two kinds of success, with the paper's columns."""
     models = by_model(records)
-    columns = ["Scenario", *models]
-    note = CELL
-    if name == "hybrid":
-        columns += [f"paper: {model}" for model in MODELS]
-        note += " The paper's values fit one run of each mission, by other models."
-    else:
-        note += " The paper gives no strict success by category."
+    theirs = list(MODELS) if name == "hybrid" else []
     rows: list[tuple[str, ...]] = []
     for category, runs in grouped(records, lambda record: record.category).items():
-        mine = by_model(runs)
-        row = [category, *(rate_cell(success_rate(mine.get(model, []), name)) for model in models)]
-        if name == "hybrid":
-            theirs = HYBRID_BY_CATEGORY.get(category, {})
-            row += [percent(theirs.get(model)) for model in MODELS]
-        rows.append(tuple(row))
-    total = ["All", *(rate_cell(success_rate(runs, name)) for runs in models.values())]
-    if name == "hybrid":
-        total += [paper_cell(model, "hybrid") for model in MODELS]
-        note += f" {DERIVED}"
-    return ReportTable(
-        name=f"table-1-{name}",
-        title=f"Table I: {name} success by scenario category and model",
-        columns=tuple(columns),
-        rows=(*rows, tuple(total)),
-        note=note,
-    )
+        ours, paper = by_model(runs), HYBRID_BY_CATEGORY.get(category, {})
+        rates = (success_rate(ours.get(model, []), name) for model in models)
+        papers = (percent(paper.get(model)) for model in theirs)
+        rows.append((category, *map(rate_cell, rates), *papers))
+    totals = (rate_cell(success_rate(runs, name)) for runs in models.values())
+    rows.append(("All", *totals, *(paper_cell(model, "hybrid") for model in theirs)))
+    columns = ("Scenario", *models, *(f"paper: {model}" for model in theirs))
+    return table_of_rows(f"table-1-{name}", columns, rows)
 
 
 def figure_three(records: Records) -> ReportTable:
     """Return overall success by model (Fig. 3), the paper's models below ours."""
-    rows = [(model, *_scores(runs)) for model, runs in by_model(records).items()]
-    rows += [
+    own = table_of("figure-3", ("Model",), SCORES, model_groups(records))
+    theirs = [
         (f"paper: {full}", paper_cell(model, "hybrid"), paper_cell(model, "strict"), NOTHING)
         for model, full in MODELS.items()
     ]
-    return ReportTable(
-        name="figure-3",
-        title="Fig. 3: overall success by model",
-        columns=("Model", "hybrid", "strict", "strict if the judge is obeyed"),
-        rows=tuple(rows),
-        note=f"{CELL} {DERIVED}",
-    )
-
-
-def _scores(records: Records) -> tuple[str, ...]:
-    return tuple(rate_cell(success_rate(records, name)) for name in ("hybrid", "strict", "obeyed"))
+    return own.model_copy(update={"rows": (*own.rows, *theirs)})
 
 
 def _by_set(records: Records) -> ReportTable:
-    rows = [
-        (name, model, str(len({run.mission for run in found})), *_scores(found))
+    groups = {
+        (name, model): model_runs
         for name, runs in by_set(records).items()
-        for model, found in by_model(runs).items()
-    ]
-    return ReportTable(
-        name="sets",
-        title="Success by mission set and model",
-        columns=(
-            "Set", "Model", "missions", "hybrid", "strict", "strict if the judge is obeyed",
-        ),
-        rows=tuple(rows),
-        note=CELL,
-    )  # fmt: skip
+        for model, model_runs in by_model(runs).items()
+    }
+    columns: dict[str, Callable[[Records], Cell]] = {
+        "missions": lambda runs: len({run.mission for run in runs}),
+        **SCORES,
+    }
+    return table_of("sets", ("Set", "Model"), columns, groups)
 
 
 def _by_category(records: Records, name: str) -> ReportTable:
-    def place(record: RunRecord) -> tuple[str, str]:
-        return record.category, record.model
-
-    groups = grouped(sorted(records, key=lambda record: record.category), place)
-    rows = [(category, model, *_scores(runs)) for (category, model), runs in groups.items()]
-    return ReportTable(
-        name=f"categories-{name}",
-        title=f"Success by category: {name}",
-        columns=("Category", "Model", "hybrid", "strict", "strict if the judge is obeyed"),
-        rows=tuple(rows),
-        note=CELL,
-    )
+    categories = sorted(records, key=lambda record: record.category)
+    groups = grouped(categories, lambda record: (record.category, record.model))
+    return table_of("categories", ("Category", "Model"), SCORES, groups, of=name)
 
 
 class Difference(NamedTuple):
@@ -261,23 +239,7 @@ def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) 
         if difference(alike, variants[reference]).pairs:
             shown[f"model {name}"] = alike
     rows = [_row(name, runs, variants[reference]) for name, runs in shown.items()]
-    return ReportTable(
-        name=f"ablation-{model}",
-        title=f"Ablation: what each part buys and costs ({model})",
-        columns=(
-            "Variant", "strict", "points", "better/ worse", "obeyed", "hybrid", "refusal recall",
-            "broke a rule", "decision s", "tokens",
-        ),
-        rows=tuple(rows),
-        note=(
-            f"All mission sets. points: strict success against '{reference}' in percentage points, "
-            "on the runs with the same mission and seed; better/worse: how many of them changed. "
-            "model ...: another model under that variant. "
-            "obeyed: strict success if a judge's Failure before execution were obeyed. broke a "
-            "rule: runs whose true state breaks an enforced rule. decision s: median. tokens: "
-            "median of the first answer's prompt / answer."
-        ),
-    )  # fmt: skip
+    return table_of_rows("ablation", ABLATION_COLUMNS, rows, of=model, reference=reference)
 
 
 def _row(name: str, runs: Records, reference: Records) -> tuple[str, ...]:
@@ -305,10 +267,6 @@ def _tokens(records: Records) -> str:
     return f"{asked:.0f} / {median(usage.completion_tokens for usage in used):.0f}"
 
 
-WAYS = 6
-EXAMPLES = 2
-
-
 def failure_tables(records: Records) -> list[ReportTable]:
     """Return the ways in which each model fails most, and the attempts it takes."""
     main = main_runs(records)
@@ -329,16 +287,13 @@ def _failures(model: str, records: Records) -> ReportTable:
     if rest:
         others = f"{len(ranked) - WAYS} other ways"
         rows.append(("", "", others, rate_cell(SuccessRate(rest, len(failed))), ""))
-    return ReportTable(
-        name=f"failures-{model}",
-        title=f"Most common ways of failing: {model}",
-        columns=("to do", "ended", "what went wrong", "of the failed runs", "examples"),
-        rows=tuple(rows),
-        note=(
-            f"{len(failed)} of {len(records)} runs are no strict success. What went wrong: the "
-            "enforced rules that the true state shows to be broken and the facts on which success "
-            "conditions do not hold; for a mission that executed nothing, why it did not."
-        ),
+    return table_of_rows(
+        "failures",
+        ("to do", "ended", "what went wrong", "of the failed runs", "examples"),
+        rows,
+        of=model,
+        failed=len(failed),
+        runs=len(records),
     )
 
 
@@ -349,44 +304,20 @@ def _examples(runs: Sequence[RunRecord]) -> str:
 
 
 def _attempts(records: Records) -> ReportTable:
-    rows: list[tuple[str, ...]] = []
-    for model, runs in by_model(records).items():
-        mended = [run for run in runs if not run.first_sound and run.attempts > 1]
-        rows.append(
-            (
-                model,
-                rate_cell(SuccessRate.of(run.valid_json for run in runs)),
-                rate_cell(SuccessRate.of(run.first_sound for run in runs)),
-                rate_cell(SuccessRate(len(mended), len(runs))),
-                rate_cell(SuccessRate.of(run.status in EXECUTED for run in mended)),
-                rate_cell(SuccessRate.of(run.strict for run in mended)),
-                f"{fmean(run.attempts for run in runs):.2f}",
-            )
-        )
-    return ReportTable(
-        name="attempts",
-        title="Attempts and repair",
-        columns=(
-            "Model", "readable", "sound at first", "sent back", "executed after repair",
-            "strict after repair", "attempts",
+    def mended(runs: Records) -> list[RunRecord]:
+        return [run for run in runs if not run.first_sound and run.attempts > 1]
+
+    columns: dict[str, Callable[[Records], Cell]] = {
+        "readable": lambda runs: SuccessRate.of(run.valid_json for run in runs),
+        "sound at first": lambda runs: SuccessRate.of(run.first_sound for run in runs),
+        "sent back": lambda runs: SuccessRate(len(mended(runs)), len(runs)),
+        "executed after repair": lambda runs: SuccessRate.of(
+            run.status in EXECUTED for run in mended(runs)
         ),
-        rows=tuple(rows),
-        note=(
-            "readable: the first answer could be read as a plan. sound at first: it broke no "
-            "Critical or High rule. sent back: it did, and was asked for again. The next two are "
-            "shares of those sent back; a command that must be refused is rightly never executed. "
-            "attempts: mean a run."
-        ),
-    )  # fmt: skip
-
-
-DECISION_STAGES = (
-    "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
-)  # fmt: skip
-"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
-
-STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
-"""Every stage that takes wall time of the station; execution is simulated and stands apart."""
+        "strict after repair": lambda runs: SuccessRate.of(run.strict for run in mended(runs)),
+        "attempts": lambda runs: f"{fmean(run.attempts for run in runs):.2f}",
+    }
+    return table_of("attempts", ("Model",), columns, model_groups(records))
 
 
 def stage_name(stage: str) -> str:
@@ -421,16 +352,6 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 }
 """The latencies of a run by name, in the order of the table."""
 
-_NOTE = (
-    "Seconds. First token: from the prompt to the first token of the first answer. Decision: from "
-    "the command to a judged plan, repairs included. End to end, station: wall time from the "
-    "command to the mission's end by telemetry; execution is simulated faster than real time. End "
-    "to end, field: decision and dispatch in wall time plus execution in simulated seconds, which "
-    "is what the paper's definition (Section V-D) comes to here. The verdict on the outcome is no "
-    "part of either: it comes after the mission. The paper's assets move in another simulation, "
-    "its models run on another machine."
-)
-
 
 def latency_tables(records: Records) -> list[ReportTable]:
     """Return Fig. 4 (on the paper's missions when they were run) and the stages' latencies."""
@@ -453,13 +374,7 @@ def _figure_four(records: Records, comparable: bool) -> ReportTable:
             value = published(model, "latency_s")
             cell = NOTHING if value is None else seconds(value.value)
             rows.append((f"paper: {full}", "end to end", cell, NOTHING, NOTHING, NOTHING))
-    return ReportTable(
-        name="figure-4",
-        title="Fig. 4: latency by model",
-        columns=("Model", "latency", "mean", "median", "p95", "runs"),
-        rows=tuple(rows),
-        note=f"{_NOTE} Mean ± half of its 95 % interval.",
-    )
+    return table_of_rows("figure-4", ("Model", "latency", "mean", "median", "p95", "runs"), rows)
 
 
 def _stages(records: Records) -> ReportTable:
@@ -472,16 +387,7 @@ def _stages(records: Records) -> ReportTable:
         ("execution (simulated)", *(_stage_cell(runs, "execution_s") for runs in models.values()))
     )
     rows.append(("runs", *(str(len(runs)) for runs in models.values())))
-    return ReportTable(
-        name="stages",
-        title="Latency by stage and model: median / 95th percentile, share of the whole",
-        columns=("Stage", *models),
-        rows=tuple(rows) if models else (),
-        note=(
-            "Seconds a run, all attempts of a stage together. The whole is the sum of all stages "
-            "in wall time; simulated execution is not part of it."
-        ),
-    )
+    return table_of_rows("stages", ("Stage", *models), rows if models else ())
 
 
 def _stage_cell(records: Records, stage: str) -> str:

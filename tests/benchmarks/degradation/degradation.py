@@ -1,27 +1,16 @@
 """Missions while radio, sensors and assets get worse: what is claimed, against the truth."""
 
-import asyncio
-from contextlib import aclosing
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
-from pa_console.cli.options import (
-    ModelOption,
-    RulesOption,
-    SchedulerOption,
-    WorkersOption,
-    WorldOption,
-    dask_workers,
-    one_of,
-)
+from pa_console.cli.options import ModelOption, RulesOption, WorldOption
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.cache import cache_folder
-from pa_console.llm.models.catalogue import NO_READER, LocalModel, find_model
+from pa_console.llm.models.catalogue import find_model
 from pa_console.schema.text import count
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import errors, out
@@ -29,10 +18,16 @@ from tests.benchmarks.degradation.runs import (
     CONDITIONS,
     Disturbance,
     RunFile,
-    run_condition,
+    run_once,
     summarise,
 )
-from tests.benchmarks.figures import JsonFileOption, keep
+from tests.benchmarks.harness import JsonFileOption, Tell, keep, progress, with_engine
+
+COUNTED = (
+    "missions", "plans", "halts", "passes", "fails", "unknowns", "false_passes", "rules_broken",
+    "resent",
+)  # fmt: skip
+"""The counts of a row that follow its gap in the table."""
 
 
 def degradation(
@@ -53,8 +48,6 @@ def degradation(
             "another than in one that it has answered: the same file then, whoever made the runs.",
         ),
     ] = False,
-    workers: WorkersOption = 0,
-    scheduler: SchedulerOption = "",
     json: JsonFileOption = None,
 ) -> None:
     """Worsen radio and sensors and let assets fail; compare what is claimed with the truth."""
@@ -64,15 +57,11 @@ def degradation(
         raise ValueError(
             f"--only {only!r} matches no row; rows: {', '.join(c.name for c in CONDITIONS)}"
         )
-    one_of(workers=bool(workers), scheduler=bool(scheduler))
-    local, kept = find_model(model), RunFile(results)
-    if workers or scheduler:
-        remote = _Remote(local, model, workers or scheduler, exact)
-        asked = asyncio.run(_on_dask(site, remote, chosen, kept, runs))
-    else:
-        name = f"answers{'-exact' * exact}-{local.fingerprint[:16]}.jsonl"
-        engine = MemoEngine(Engine(local), cache_folder() / name, exact=exact)
-        asked = asyncio.run(_degrade(site, engine, chosen, kept, runs))
+    weights, kept = find_model(model), RunFile(results)
+    name = f"answers{'-exact' * exact}-{weights.fingerprint[:16]}.jsonl"
+    memo = MemoEngine(Engine(weights), cache_folder() / name, exact=exact)
+    with progress() as tell:
+        with_engine(memo, lambda engine: make_runs(site, engine, chosen, kept, runs, tell))
     kept.arrange()
     made = {condition.name: kept.results(condition.name) for condition in chosen}
     rows = [summarise(c, [made[c.name][seed] for seed in range(runs)]) for c in chosen]
@@ -86,77 +75,33 @@ def degradation(
             str(row.runs),
             f"{row.covered_share:.1%}",
             f"{row.median_longest_gap_s:.1f}",
-            *(
-                str(value)
-                for value in (
-                    row.missions, row.plans, row.halts, row.passes, row.fails, row.unknowns,
-                    row.false_passes, row.rules_broken, row.resent,
-                )
-            ),
-        )  # fmt: skip
+            *(str(getattr(row, name)) for name in COUNTED),
+        )
         for example in row.examples:
             errors.print(f"{row.condition}: {example}")
     out.print(table)
     out.print(
-        f"the model was asked {count(asked.times, 'time')}, "
-        f"{count(asked.reused, 'answer')} came again"
+        f"the model was asked {count(memo.asked, 'time')}, "
+        f"{count(memo.reused, 'answer')} came again"
     )
     keep("degradation", rows, json)
 
 
-class _Asked(NamedTuple):
-    """How often the model was asked, and how often an answer was there already."""
-
-    times: int
-    reused: int
-
-
-async def _degrade(
-    site: Site, engine: MemoEngine, chosen: list[Disturbance], kept: RunFile, runs: int
-) -> _Asked:
-    """Make what is missing in this process."""
-    with Progress(console=errors, transient=True) as progress:
-        for condition in chosen:
-            done = kept.results(condition.name)
-            task = progress.add_task(condition.name, total=runs, completed=len(done))
-            missing = [seed for seed in range(runs) if seed not in done]
-            async for seed, result in run_condition(site, engine, condition, missing):
-                kept.add(condition.name, seed, result)
-                progress.advance(task)
-    await engine.close()
-    return _Asked(engine.asked, engine.reused)
-
-
-class _Remote(NamedTuple):
-    """The model as it is here, what was asked for, where the runs are made, and how it answers."""
-
-    local: LocalModel
-    asked: str | None
-    where: int | str
-    exact: bool
-
-
-async def _on_dask(
-    site: Site, remote: _Remote, chosen: list[Disturbance], kept: RunFile, runs: int
-) -> _Asked:
-    """Make what is missing on Dask's workers; raises ValueError without Dask, or a scheduler."""
-    workers = dask_workers(remote.where)
-    from pa_console.evaluation.sweep import ModelOnWorker  # noqa: PLC0415
-    from tests.benchmarks.degradation.sweep import DegradationSweep  # noqa: PLC0415 - Dask
-
-    local = remote.local
-    names, prints = {local.name: remote.asked}, {local.name: local.fingerprint}
-    engine_for = ModelOnWorker(
-        names, prints, NO_READER, workers.count, reuse=True, exact=remote.exact
-    )
-    sweep = DegradationSweep(site, local, engine_for, kept, errors.print)
-    wanted = [(condition, seed) for condition in chosen for seed in range(runs)]
-    times = reused = 0
-    with Progress(console=errors, transient=True) as progress:
-        there = {c.name: len(kept.results(c.name)) for c in chosen}
-        bars = {n: progress.add_task(n, total=runs, completed=made) for n, made in there.items()}
-        async with aclosing(sweep.run(workers, wanted)) as results:
-            async for made in results:
-                times, reused = times + made.asked, reused + made.reused
-                progress.advance(bars[made.condition])
-    return _Asked(times, reused)
+async def make_runs(
+    site: Site,
+    engine: MemoEngine,
+    conditions: list[Disturbance],
+    kept: RunFile,
+    runs: int,
+    tell: Tell,
+) -> None:
+    """Make every run that `kept` does not hold yet."""
+    missing = [
+        (condition, seed)
+        for condition in conditions
+        for seed in range(runs)
+        if seed not in kept.results(condition.name)
+    ]
+    for number, (condition, seed) in enumerate(missing):
+        tell(f"{condition.name}, seed {seed}", number / len(missing))
+        kept.add(condition.name, seed, await run_once(site, engine, condition, seed))

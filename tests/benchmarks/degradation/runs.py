@@ -1,7 +1,7 @@
 """Degradation curves: how missions fare with a worse radio, worse sensors and failing assets."""
 
 import random
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 
@@ -99,22 +99,14 @@ def situation(world: World, condition: Disturbance, seed: int) -> Scenario:
     )
 
 
-async def run_condition(
-    site: Site, engine: MemoEngine, condition: Disturbance, seeds: Sequence[int]
-) -> AsyncIterator[tuple[int, RunResult]]:
-    """Yield (seed, result) of one run a seed."""
-    for seed in seeds:
-        yield seed, await run_once(site, engine, condition, seed)
-
-
 async def run_once(site: Site, engine: MemoEngine, condition: Disturbance, seed: int) -> RunResult:
-    """Return what comes of a run: alarms start missions, checks alone decide on plans.
+    """Return the result of a run: alarms start missions, checks alone decide on plans.
 
     The judge is left out: a standing instruction would override its objections.
     """
     world = worsened(site.world, condition)
     sim = Checkpoint(world, seed, situation(world, condition, seed))
-    watch = TruthWatch(world)
+    watch = TruthWatch(sim)
     station = open_station(
         site,
         engine.engine(),
@@ -126,7 +118,7 @@ async def run_once(site: Site, engine: MemoEngine, condition: Disturbance, seed:
     )
 
     def sink(event: Event, _: SessionState) -> None:
-        watch.see(event, sim)
+        watch.see(event)
 
     await run_missions(station, [], standing_approver("auto"), sink, duration_s=DURATION_S)
     return watch.result()

@@ -1,14 +1,11 @@
 """The degradation benchmark: what it worsens, what it draws, and that it goes on where it was."""
 
-import os
-import signal
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.sim.worlds.scenario_file import scenario_problems
 from pa_console.station.assembly import Site, load_site
@@ -16,12 +13,11 @@ from tests.benchmarks.degradation.runs import (
     CONDITIONS,
     Disturbance,
     RunFile,
-    run_condition,
+    run_once,
     situation,
     summarise,
     worsened,
 )
-from tests.benchmarks.degradation.sweep import DegradationSweep
 from tests.benchmarks.degradation.true_outcome import RunResult
 from tests.scripted import ScriptedEngine, plan
 
@@ -35,13 +31,6 @@ def result(**changes: object) -> RunResult:
         "passes": 1, "fails": 0, "unknowns": 0,
     }  # fmt: skip
     return RunResult.model_validate(values | changes)
-
-
-def test_the_rows_are_those_that_are_to_be_shown() -> None:
-    assert [c.loss for c in CONDITIONS if c.name.startswith("link")] == [0.0, 0.1, 0.3, 0.6]
-    assert [c.noise_m for c in CONDITIONS if "noise" in c.name] == [0, 2, 5, 10]
-    assert [c.failures for c in CONDITIONS if "failed" in c.name] == [1, 2, 3, 4]
-    assert len({c.name for c in CONDITIONS}) == len(CONDITIONS)
 
 
 def test_a_condition_worsens_what_it_names_and_nothing_else() -> None:
@@ -111,49 +100,11 @@ def test_a_row_sums_the_runs_up_and_shows_what_was_wrong_once() -> None:
 async def test_a_seed_gives_the_same_result_again_and_no_lie(site: Site) -> None:
     condition = Disturbance(name="two failed", failures=2, loss=0.1)
 
-    async def runs() -> list[tuple[int, RunResult]]:
+    async def runs() -> list[RunResult]:
         engine = MemoEngine(ScriptedEngine([plan(("Drone_T04", "report"))]).engine())
-        return [found async for found in run_condition(site, engine, condition, [4, 5])]
+        return [await run_once(site, engine, condition, seed) for seed in (4, 5)]
 
     first = await runs()
-    assert [seed for seed, _ in first] == [4, 5]
-    assert all(found.missions for _, found in first)
-    assert all(found.false_passes == found.broken == () for _, found in first)
+    assert all(found.missions for found in first)
+    assert all(found.false_passes == found.broken == () for found in first)
     assert first == await runs()
-
-
-def scripted_engine(_model: str) -> MemoEngine:
-    return MemoEngine(ScriptedEngine([plan(("Drone_T04", "report"))]).engine(), exact=True)
-
-
-async def test_two_workers_one_of_them_killed_write_the_file_of_one_process(
-    tmp_path: Path, site: Site
-) -> None:
-    chosen = [CONDITIONS[1], CONDITIONS[8]]
-    single = RunFile(tmp_path / "single.jsonl")
-    for condition in chosen:
-        engine = scripted_engine("")
-        async for seed, found in run_condition(site, engine, condition, [0, 1]):
-            single.add(condition.name, seed, found)
-    swept = RunFile(tmp_path / "swept.jsonl")
-    sweep = DegradationSweep(site, ScriptedEngine([]).model, scripted_engine, swept)
-    wanted = [(condition, seed) for condition in reversed(chosen) for seed in (1, 0)]
-    killed = 0
-    async with cluster(Workers(count=2)) as target:
-        async for _ in sweep.run_on(target, wanted):
-            if not killed:
-                killed = target.workers[0].pid
-                os.kill(killed, signal.SIGKILL)
-    swept.arrange()
-    assert killed
-    assert (tmp_path / "swept.jsonl").read_bytes() == (tmp_path / "single.jsonl").read_bytes()
-
-
-async def test_runs_that_are_there_need_no_scheduler(tmp_path: Path, site: Site) -> None:
-    kept = RunFile(tmp_path / "runs.jsonl")
-    kept.add("calm", 0, result())
-    sweep = DegradationSweep(site, ScriptedEngine([]).model, scripted_engine, kept)
-    wanted = [(Disturbance(name="calm"), 0)]
-    assert [made async for made in sweep.run_on("tcp://127.0.0.1:1", wanted)] == []
-    with pytest.raises(SweepError, match="no scheduler answers"):
-        _ = [m async for m in sweep.run_on("tcp://127.0.0.1:1", [(wanted[0][0], 1)])]

@@ -1,22 +1,18 @@
-"""The scorer of benchmarks sees what the station cannot: a false "pass" and a broken rule."""
+"""A false "pass" and a broken rule that the station does not see count in the result of a run."""
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import cast
 
 import pytest
-from shapely import Polygon
 
-from pa_console.schema.base import Point
+from pa_console.evaluation.run_facts import RuleBreach
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import FailAsset
 from pa_console.schema.mission import ActionOutcome, Decision, Metrics, Outcome, Verification
-from pa_console.schema.telemetry import Picture
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site
+from tests.benchmarks.degradation import true_outcome
 from tests.benchmarks.degradation.true_outcome import RunResult, TruthWatch
-from tests.mission.pictures import track
 
 
 class Run:
@@ -24,14 +20,14 @@ class Run:
 
     def __init__(self, site: Site) -> None:
         self.sim = Checkpoint(site.world)
-        self.watch = TruthWatch(site.world)
+        self.watch = TruthWatch(self.sim)
         self._count = 0
         self.picture()
 
     def tell(self, payload: ev.EventPayload) -> None:
         """Pass an event on to the watch."""
         event = ev.Event(t=datetime.now(UTC), tick=self.sim.tick, data=payload)
-        self.watch.see(event, self.sim)
+        self.watch.see(event)
 
     def picture(self) -> None:
         """Report telemetry."""
@@ -155,73 +151,14 @@ def test_a_gate_left_alone_for_longer_than_the_grace_time_is_not_covered(run: Ru
     assert result.longest_gap_s == pytest.approx(grace_s + 1.0, abs=1.0)
 
 
-@dataclass
-class Posed:
-    """A simulation whose truth is one posed picture."""
-
-    picture: Picture
-
-    def truth(self) -> Picture:
-        """Return the pose."""
-        return self.picture
-
-
-def pose(run: Run, time_s: float, agent: str, at: Point, **contact: object) -> None:
-    """Show the watch a truth in which `agent` stands at `at`, and a contact if one is described."""
-    truth = run.sim.truth()
-    asset = truth.assets[agent].model_copy(update={"position": at})
-    tracks = {"T1": track("T1", "WestGate", **contact)} if contact else {}
-    changes = {"time_s": time_s, "assets": truth.assets | {agent: asset}, "tracks": tracks}
-    event = ev.Event(
-        t=datetime.now(UTC), tick=0, data=ev.TelemetryReceived(picture=run.sim.picture())
-    )
-    run.watch.see(event, cast(Checkpoint, Posed(truth.model_copy(update=changes))))
-
-
-@pytest.mark.parametrize(
-    ("contact", "agent", "broken"),
-    [
-        ({"warned": False}, "Ugv_T02", ("ROE-04 Ugv_T02 T1",)),
-        ({"warned": True}, "Ugv_T02", ()),
-        ({"warned": False}, "Drone_T04", ()),
-    ],
-)
-def test_a_ground_asset_that_closes_in_on_an_unwarned_contact_breaks_the_rule(
-    run: Run, contact: dict[str, object], agent: str, broken: tuple[str, ...]
+def test_a_breach_that_the_strict_scorer_sees_is_in_the_result(
+    run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run.send(agent, "move_to", "WestGate")
-    for time_s, x in ((1.0, -20.0), (1.5, -22.0), (2.0, -24.0)):
-        pose(run, time_s, agent, (x, 0.0), position=(-32.0, 0.0), **contact)
-    assert run.watch.result().broken == broken
+    def find_breaches(*_: object) -> list[RuleBreach]:
+        return [RuleBreach(rule_id="ROE-06", what="Drone_T04 left the perimeter", at_s=1.0)]
 
-
-def test_a_contact_that_comes_closer_by_itself_is_nobodys_breach(run: Run) -> None:
-    run.send("Ugv_T02", "move_to", "WestGate")
-    for time_s, x in ((1.0, -32.0), (1.5, -28.0), (2.0, -24.0)):
-        pose(run, time_s, "Ugv_T02", (-20.0, 0.0), position=(x, 0.0))
-    assert run.watch.result().broken == ()
-
-
-@pytest.mark.parametrize(
-    ("intent", "broken"), [("unknown", ("ROE-07 Drone_T04 Depot",)), ("hostile", ())]
-)
-def test_the_restricted_zone_is_entered_only_with_a_confirmed_threat(
-    run: Run, intent: str, broken: tuple[str, ...]
-) -> None:
-    depot = Polygon(run.sim.world.zones["Depot"].polygon).representative_point()
-    run.send("Drone_T04", "move_to", "WestGate")
-    for time_s, at in ((1.0, (0.0, 0.0)), (1.5, (depot.x, depot.y))):
-        pose(run, time_s, "Drone_T04", at, intent=intent, identity="unauthorized")
-    assert run.watch.result().broken == broken
-
-
-def test_only_assets_under_orders_are_watched_at_the_perimeter(run: Run) -> None:
-    for time_s, x in ((1.0, 0.0), (1.5, 500.0)):
-        pose(run, time_s, "Drone_T04", (x, 0.0))
-    assert run.watch.result().broken == ()
-    run.send("Drone_T04", "move_to", "WestGate")
-    pose(run, 2.0, "Drone_T04", (510.0, 0.0))
-    assert run.watch.result().broken == ("ROE-06 Drone_T04",)
+    monkeypatch.setattr(true_outcome, "find_breaches", find_breaches)
+    assert run.watch.result().broken == ("ROE-06: Drone_T04 left the perimeter",)
 
 
 def test_missions_plans_halts_and_resends_are_counted(run: Run) -> None:

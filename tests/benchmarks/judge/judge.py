@@ -23,7 +23,7 @@ from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.events.event import WorkerState
 from pa_console.schema.text import count
 from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from tests.benchmarks.harness import JsonFileOption, keep
 from tests.benchmarks.judge.cases import (
     CaseReader,
     JudgedCase,

@@ -13,7 +13,7 @@ from pa_console.llm.local.engine import Engine, OnState
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.station.assembly import load_site
 from pa_console.terminal.output import out
-from tests.benchmarks.inside import Measure
+from tests.benchmarks.conftest import Measure
 from tests.benchmarks.judge import judge
 from tests.evaluation.test_runner import SEND, SPARE, jobs
 from tests.scripted import FAILURE, ScriptedEngine

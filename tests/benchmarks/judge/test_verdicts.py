@@ -175,14 +175,6 @@ def test_every_nth_run_of_each_category_is_taken_and_every_other_run_accounted_f
     assert left_out["its log was not kept"] == 1
 
 
-@pytest.mark.parametrize(("variants", "planners"), [(["ful"], []), ([], ["n"])])
-def test_a_variant_or_planner_that_no_run_has_is_refused(
-    variants: list[str], planners: list[str]
-) -> None:
-    with pytest.raises(ValueError, match=r"there is: (one-plan|m)$"):
-        choose_runs([record(1)], variants, planners)
-
-
 def said(number: int, verdict: Opinion | None, *, strict: bool) -> JudgedRun:
     return JudgedRun(
         run=str(number),

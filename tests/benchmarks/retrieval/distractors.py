@@ -7,76 +7,32 @@ storing, buying, cleaning, counting, teaching, accounting: never observing, warn
 moving, covering or reporting on an incident. So they are near in words and far in meaning.
 """
 
+from pathlib import Path
 from random import Random
 from typing import get_args
 
+from pa_console.schema.base import StrictModel
+from pa_console.schema.document import Document
 from pa_console.schema.rule import PRIORITIES, Domain, Rule
 
-THINGS = (
-    "UAVs", "drones", "spare drones", "UGVs", "ground robots", "retired robots", "vehicles",
-    "visitors' vehicles", "trucks of suppliers", "batteries", "low batteries", "sensors",
-    "cameras", "radio sets", "gate barriers", "checkpoint lamps", "perimeter fences",
-    "map frames on posters", "incident report forms", "mission logs", "warning signs",
-    "verbal warning recordings", "restricted zone signs", "standoff markers", "identity cards",
-    "threat posters", "surveillance monitors", "communications masts", "reserve tents",
-    "authorization stamps", "operator handbooks", "safety helmets", "civilian guests' badges",
-    "observation towers", "reconnaissance trophies", "base kitchens", "task boards",
-    "evidence boxes", "force protection manuals", "patrol boots",
-)  # fmt: skip
-PLACES = (
-    "at the north gate", "at the south gate", "at the east gate", "at the west gate",
-    "of the base workshop", "of the night crew", "of the day crew", "in the depot",
-    "of the training school", "outside the canteen", "inside the checkpoint hut",
-    "of contractors", "under warranty", "on loan", "older than five years", "in the reserve store",
-    "near the fuel pumps", "of the visitors' centre", "bought this year", "of the museum",
-    "with a serial number", "without a serial number", "in transit", "of the reserve company",
-    "of the fire brigade",
-)  # fmt: skip
-DEEDS: tuple[tuple[str, str], ...] = (
-    ("must be counted by the quartermaster", "inventory"),
-    ("are washed with clear water only", "cleaning"),
-    ("must not be painted without a colour card", "paint"),
-    ("are insured for their full price", "insurance"),
-    ("are charged to the cost centre that uses them", "accounting"),
-    ("must carry a label in both languages", "labels"),
-    ("are stored on dry shelves", "storage"),
-    ("may be sold only by auction", "sales"),
-    ("must be entered in the asset register", "register"),
-    ("are photographed for the yearbook", "yearbook"),
-    ("must be ordered at least six weeks ahead", "purchase"),
-    ("are weighed before they are shipped", "shipping"),
-    ("may be lent to schools", "loans"),
-    ("are wrapped in paper during building work", "building"),
-    ("must be unplugged by the caretaker", "electricity"),
-    ("are shown to new employees", "training"),
-    ("must be dusted by the cleaning company", "cleaning"),
-    ("are depreciated over four years", "accounting"),
-    ("may be decorated with flags", "ceremony"),
-    ("must be recycled by a certified company", "recycling"),
-    ("are numbered from left to right", "labels"),
-    ("must be described in the purchase contract", "contract"),
-    ("are repaired by the manufacturer", "repair"),
-    ("may be named after donors", "donors"),
-    ("must be covered with tarpaulins", "weather"),
-    ("are listed in the telephone directory", "directory"),
-    ("must be tested for lead paint", "health"),
-    ("are returned to the supplier", "supplier"),
-    ("may be replaced by used ones", "purchase"),
-    ("must be locked away by the janitor", "storage"),
-)
-OCCASIONS = (
-    "before the monthly inventory", "after each public holiday", "on the first Monday of a month",
-    "at the end of the financial year", "during the summer leave", "unless the store is full",
-    "when the price list changes", "if the invoice is missing", "while the canteen is closed",
-    "before an open day", "after the annual parade", "once a quarter", "at all times of the year",
-    "without extra pay", "if the caretaker is ill", "before winter", "after a move of offices",
-    "unless the finance office objects", "during audits", "until the lease ends",
-    "with two signatures", "whenever a contract is renewed", "in the presence of an auditor",
-    "as soon as stocks are low", "when the museum asks for them", "if the colour has faded",
-    "before they are handed to the successor", "after the spring cleaning",
-    "unless the union disagrees", "within ten working days",
-)  # fmt: skip
-MOST = len(THINGS) * len(PLACES) * len(DEEDS) * len(OCCASIONS)
+
+class _Words(StrictModel):
+    """The file `distractors.yaml`."""
+
+    class Deed(StrictModel):
+        """What is done to a thing, and the tag of rules about it."""
+
+        what: str
+        tag: str
+
+    things: tuple[str, ...]
+    places: tuple[str, ...]
+    deeds: tuple[Deed, ...]
+    occasions: tuple[str, ...]
+
+
+WORDS = Document.read(Path(__file__).with_suffix(".yaml")).parse(_Words)
+MOST = len(WORDS.things) * len(WORDS.places) * len(WORDS.deeds) * len(WORDS.occasions)
 
 
 def distractors(number: int, seed: int = 0) -> tuple[Rule, ...]:
@@ -96,15 +52,16 @@ def distractors(number: int, seed: int = 0) -> tuple[Rule, ...]:
 
 
 def _rule(code: int, index: int, domain: Domain, random: Random) -> Rule:
-    code, thing = divmod(code, len(THINGS))
-    code, place = divmod(code, len(PLACES))
-    occasion, deed = divmod(code, len(DEEDS))
-    what, tag = DEEDS[deed]
-    text = f"{THINGS[thing].capitalize()} {PLACES[place]} {what} {OCCASIONS[occasion]}."
+    code, thing = divmod(code, len(WORDS.things))
+    code, place = divmod(code, len(WORDS.places))
+    occasion, deed = divmod(code, len(WORDS.deeds))
+    what, done = WORDS.things[thing], WORDS.deeds[deed]
+    place_and_deed = f"{WORDS.places[place]} {done.what}"
+    text = f"{what.capitalize()} {place_and_deed} {WORDS.occasions[occasion]}."
     return Rule(
         id=f"{domain}-{1_000_000 + index}",
         domain=domain,
         priority=random.choice(PRIORITIES[1:]),
         text=text.replace("Uavs", "UAVs").replace("Ugvs", "UGVs"),
-        tags=(tag, THINGS[thing].lower()),
+        tags=(done.tag, what.lower()),
     )

@@ -1,7 +1,7 @@
 """Retrieval methods compared: how well and how fast each finds the rules that matter."""
 
 import tracemalloc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -11,17 +11,15 @@ import numpy as np
 import typer
 from pydantic import BaseModel
 from rich import box
-from rich.progress import Progress
 from rich.table import Table
 
 from pa_console.cli.options import RulesOption
-from pa_console.policy.related_words import default_vocabulary
 from pa_console.policy.retriever import METHODS, Retriever
 from pa_console.policy.rulebook import load_rules
 from pa_console.resources import find_data
 from pa_console.schema.rule import Rule
-from pa_console.terminal.output import errors, out
-from tests.benchmarks.figures import JsonFileOption, keep
+from pa_console.terminal.output import out
+from tests.benchmarks.harness import JsonFileOption, Tell, keep, progress
 from tests.benchmarks.retrieval.distractors import distractors
 from tests.benchmarks.retrieval.quality import (
     DEPTH,
@@ -72,22 +70,23 @@ def bench_retrieval(
     queries: Sequence[RetrievalQuery],
     methods: Sequence[str],
     sizes: Sequence[int],
-    progress: Callable[[str], None],
+    tell: Tell,
     *,
     seed: int = 0,
 ) -> list[RetrievalRow]:
     """Measure every one of `methods` with `rules` alone or filled up to each of `sizes` rules.
 
-    `progress` is told the method and size that has been measured. A size below the number of
-    rules stands for the rules alone.
+    A size below the number of rules stands for the rules alone.
     """
-    default_vocabulary()
+    for method in methods:
+        Retriever(rules, method)  # fills caches that are not part of an index's memory
     rows: list[RetrievalRow] = []
     for size in sizes:
         crowd = (*rules, *distractors(max(size - len(rules), 0), seed))
         for method in methods:
+            share = len(rows) / (len(sizes) * len(methods))
+            tell(f"{method}, {len(crowd):,} rules", share)
             rows.append(_row(crowd, queries, method, seed))
-            progress(f"{method}, {len(crowd):,} rules")
     return rows
 
 
@@ -175,13 +174,8 @@ def retrieval(
     book = load_rules(find_data("rules", rules, "rules.yaml"))
     labelled = load_queries(queries, book.rules).queries
     methods, sizes = method or list(METHODS), size or list(SIZES)
-    with Progress(console=errors, transient=True) as progress:
-        task = progress.add_task("measuring", total=len(methods) * len(sizes))
-
-        def measured(name: str) -> None:
-            progress.update(task, advance=1, description=f"measured: {name}")
-
-        rows = bench_retrieval(book.rules, labelled, methods, sizes, measured, seed=seed)
+    with progress() as tell:
+        rows = bench_retrieval(book.rules, labelled, methods, sizes, tell, seed=seed)
     splits = {query.split for query in labelled}
     for split, title in SPLITS.items():
         if split in splits:

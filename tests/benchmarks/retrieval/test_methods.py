@@ -74,7 +74,7 @@ def test_the_bench_measures_every_method_at_every_size() -> None:
     queries = load_queries(QUERIES, RULES).queries[:40]
     told: list[str] = []
     sizes = (len(RULES), 300)
-    rows = bench_retrieval(RULES, queries, METHODS, sizes, told.append)
+    rows = bench_retrieval(RULES, queries, METHODS, sizes, lambda what, _: told.append(what))
     assert [(row.rules, row.method) for row in rows] == [(n, m) for n in sizes for m in METHODS]
     assert len(told) == len(rows)
     for small, large in zip(rows[: len(METHODS)], rows[len(METHODS) :], strict=True):

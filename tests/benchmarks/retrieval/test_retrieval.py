@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from tests.benchmarks.inside import Measure
+from tests.benchmarks.conftest import Measure
 
 
 def test_the_tables_fit_eighty_columns_and_show_each_method_for_each_split(bench: Measure) -> None:

@@ -16,6 +16,7 @@ from pa_console.evaluation.run_record import Machine
 from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.base import StrictModel
 from pa_console.station.assembly import Site
+from tests.benchmarks.harness import Tell
 
 Unit = Literal["s", "tokens/s", "MB"]
 Operation = Callable[[], object]
@@ -68,7 +69,7 @@ class Bench:
     site: Site
     model: LocalModel | None
     runs: int
-    tell: Callable[[str, float], None]
+    tell: Tell
 
     @property
     def weights(self) -> LocalModel:

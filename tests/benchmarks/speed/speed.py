@@ -14,14 +14,15 @@ from pa_console.evaluation.run_record import describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.station.assembly import Site, load_site
 from pa_console.terminal.output import out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
-from tests.benchmarks.speed.authorization import measure_authorization
-from tests.benchmarks.speed.checks import measure_checks
+from tests.benchmarks.harness import JsonFileOption, introduce, keep, progress
 from tests.benchmarks.speed.compare import Bench, BenchReport, Comparison, Unit, Way
 from tests.benchmarks.speed.decoding import measure_decoding
-from tests.benchmarks.speed.planner import measure_missions
-from tests.benchmarks.speed.retrieval_loop import measure_retrieval
-from tests.benchmarks.speed.simulation import measure_rehearsal, measure_simulation
+from tests.benchmarks.speed.missions import measure_missions
+from tests.benchmarks.speed.without_model import (
+    measure_checks,
+    measure_rehearsal,
+    measure_retrieval,
+)
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,8 @@ class Part:
 
 PARTS: tuple[Part, ...] = (
     Part("retrieval", "Retrieval against a plain loop", measure_retrieval),
-    Part("checks", "Checks in CEL against plain Python", measure_checks),
-    Part("simulation", "Simulation against bare physics", measure_simulation),
+    Part("checks", "Checks in CEL", measure_checks),
     Part("rehearsal", "Rehearsal, fork and forecast", measure_rehearsal),
-    Part("authorization", "Commands signed and checked", measure_authorization),
     Part("decoding", "Planner against bare llama.cpp", measure_decoding, needs_model=True),
     Part("missions", "Missions against the plain way", measure_missions, needs_model=True),
 )
@@ -134,18 +133,16 @@ def speed(
 def _measure(
     site: Site, weights: LocalModel | None, runs: int, parts: tuple[Part, ...]
 ) -> list[Comparison]:
-    """Measure `parts` with a live progress display; each table is shown as soon as it is full."""
-    found: list[Comparison] = []
-    with shares() as progress:
-        task = progress.add_task("", total=len(parts))
+    """Measure `parts` and show the table of each as soon as it is complete."""
+    comparisons: list[Comparison] = []
+    with progress() as tell:
         for number, part in enumerate(parts):
 
-            def tell(what: str, share: float, part: Part = part, number: int = number) -> None:
-                words = f"{part.name}: {what}"
-                progress.update(task, completed=number + share, description=words)
+            def tell_part(what: str, share: float, part: Part = part, number: int = number) -> None:
+                tell(f"{part.name}: {what}", (number + share) / len(parts))
 
-            tell("starting", 0.0)
-            measured = part.measure(Bench(site, weights, runs, tell))
-            found += measured
+            tell_part("starting", 0.0)
+            measured = part.measure(Bench(site, weights, runs, tell_part))
+            comparisons += measured
             out.print(part_table(part, measured))
-    return found
+    return comparisons

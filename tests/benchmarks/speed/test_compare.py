@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pa_console.evaluation.run_record import describe_machine
+from tests.benchmarks.harness import process_memory
 from tests.benchmarks.speed.compare import alternate, compare
-from tests.benchmarks.speed.memory import process_memory
 
 FIGURES = st.lists(st.floats(min_value=1e-6, max_value=1e6), min_size=1, max_size=9)
 

@@ -1,6 +1,5 @@
 """The parts of the benchmark that need a model: processes, and what is made of the answers."""
 
-import asyncio
 import json
 import os
 from collections.abc import Callable
@@ -17,11 +16,11 @@ from pa_console.llm.roles.planner import read_plan
 from pa_console.schema.base import StrictModel
 from pa_console.schema.events.event import Role
 from pa_console.station.assembly import Site
+from tests.benchmarks.harness import Memory
 from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison
 from tests.benchmarks.speed.decoding import RAW_MODULE, Pass, comparisons, measure_decoding
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions
-from tests.benchmarks.speed.memory import Memory
 from tests.benchmarks.speed.messages import (
     MeasureSpeed,
     PlainAnswer,
@@ -30,9 +29,14 @@ from tests.benchmarks.speed.messages import (
     plan_schema,
     verdict_schema,
 )
-from tests.benchmarks.speed.plain_way import PLAIN_MODULE, PlainWay
-from tests.benchmarks.speed.planner import Measured, Round, measure_missions
-from tests.benchmarks.speed.planner import comparisons as mission_comparisons
+from tests.benchmarks.speed.missions import (
+    PLAIN_MODULE,
+    Measured,
+    PlainWay,
+    Round,
+    measure_missions,
+)
+from tests.benchmarks.speed.missions import comparisons as mission_comparisons
 from tests.scripted import ScriptedEngine, plan
 
 pytestmark = pytest.mark.long
@@ -129,22 +133,6 @@ async def test_our_decoder_and_bare_llama_read_the_same_prompt(tiny: LocalModel)
     [first, _] = passes
     forced = len(first.ours[0].answer.tokens) - first.ours[0].chosen
     assert f"{forced} forced by the grammar" in lines[-1].note
-
-
-async def test_a_child_that_is_asked_for_no_more_ends_in_the_middle_of_its_work(
-    tiny: LocalModel,
-) -> None:
-    child = await Child.start(PLAIN_MODULE, load(tiny.path))
-    endless = PlainAsk(
-        system="Write.", user="On.", answer_schema='{"type": "string"}', max_tokens=400
-    )
-    asking = asyncio.create_task(child.ask(endless, PlainAnswer))
-    await asyncio.sleep(0)
-    asking.cancel()
-    await child.close()
-    assert not alive(child.pid)
-    with pytest.raises(EngineError, match="ended"):
-        await child.ask(endless, PlainAnswer)
 
 
 @pytest.mark.parametrize("measure", [measure_decoding, measure_missions])

@@ -1,74 +1,21 @@
-"""What the benchmark compares is the same on both sides."""
-
-from datetime import UTC, datetime
+"""The two sides of a comparison do the same."""
 
 import pytest
 
-from pa_console.policy.authoring.examples import WORLD, example_plan, example_rehearsal
 from pa_console.policy.retriever import Retriever
-from pa_console.schema.mission import Mission
 from pa_console.sim.worlds.world_generator import generate_world
 from pa_console.station.assembly import Site
-from tests.benchmarks.speed.authorization import measure_authorization
-from tests.benchmarks.speed.checks import (
-    TWINS,
-    RehearsedPlan,
-    Twin,
-    compare_findings,
-    in_cel,
-    in_python,
-    make_cases,
-    measure_checks,
-    shipped_rules,
-)
 from tests.benchmarks.speed.compare import Bench
 from tests.benchmarks.speed.measured_missions import OurWay, bench_missions
-from tests.benchmarks.speed.retrieval_loop import more_rules, score_plainly, similarity
-from tests.benchmarks.speed.simulation import bare_space, measure_rehearsal, measure_simulation
 from tests.benchmarks.speed.speed import PARTS, choose_parts
+from tests.benchmarks.speed.without_model import (
+    measure_checks,
+    measure_rehearsal,
+    more_rules,
+    score_plainly,
+    similarity,
+)
 from tests.scripted import ScriptedEngine
-
-MISSION = Mission(id="x", text="Secure the checkpoint.", created=datetime(2000, 1, 1, tzinfo=UTC))
-
-
-def bench(site: Site, told: list[str] | None = None) -> Bench:
-    """Return a benchmark of one run without a model."""
-    heard = [] if told is None else told
-    return Bench(site, None, 1, lambda what, _share: heard.append(what))
-
-
-def test_twins_find_what_the_shipped_checks_find_in_every_example() -> None:
-    book = shipped_rules()
-    assert {rule.id for rule in book.rules} == set(TWINS)
-    seen: dict[str, set[str]] = {name: set() for name in TWINS}
-    for rule in book.rules:
-        for example in rule.examples:
-            if example.moments:
-                continue
-            plan = example_plan(example)
-            case = RehearsedPlan(plan, example_rehearsal(example, plan), MISSION, WORLD)
-            assert in_python(book, case) == in_cel(book, case), f"{rule.id}: {example.name}"
-            found = {finding.rule_id: finding.status for finding in in_python(book, case)}
-            seen[rule.id].add(found[rule.id])
-    assert all({"complies", "violates"} <= statuses for statuses in seen.values()), seen
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_twins_agree_in_worlds_of_other_names(site: Site, seed: int) -> None:
-    world = generate_world(4, 12, seed)
-    cases = make_cases(Site(world, site.world_path, site.rulebook))
-    compare_findings(shipped_rules(), cases)
-    broken = {f.rule_id for case in cases for f in in_cel(shipped_rules(), case) if f.broken}
-    assert {"CAP-07", "ROE-10"} <= broken
-
-
-def test_a_twin_that_says_something_else_is_an_error(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    wrong: dict[str, Twin] = {**TWINS, "CAP-07": lambda _case: ["nobody"]}
-    monkeypatch.setattr("tests.benchmarks.speed.checks.TWINS", wrong)
-    with pytest.raises(ValueError, match=r"CAP-07.*--only"):
-        measure_checks(bench(site))
 
 
 def test_the_plain_loop_scores_as_the_retriever_does(site: Site) -> None:
@@ -86,30 +33,14 @@ def test_similarity_of_equal_and_empty_texts() -> None:
     assert similarity("abcd", "axcx") == 0.5
 
 
-def test_the_bare_space_holds_as_many_bodies_as_the_world_assets(site: Site) -> None:
-    space = bare_space(site.world)
-    assert len(space.bodies) == len(site.world.assets)
-    assert len(space.static_body.shapes) == len(site.world.walls)
-    before = [body.position for body in space.bodies]
-    space.step(1.0)
-    assert all(body.position != at for body, at in zip(space.bodies, before, strict=True))
-
-
-def test_simulation_and_rehearsal_tell_what_they_do(site: Site) -> None:
+def test_checks_and_rehearsal_are_measured_without_a_model(site: Site) -> None:
     told: list[str] = []
-    found = measure_simulation(bench(site, told)) + measure_rehearsal(bench(site, told))
-    assert {line.part for line in found} == {"simulation", "rehearsal"}
-    assert all(line.runs == 1 for line in found)
-    assert all("real time" in line.note for line in found if line.part == "simulation")
+    bench = Bench(site, None, 1, lambda what, _share: told.append(what))
+    lines = measure_checks(bench) + measure_rehearsal(bench)
+    assert [line.part for line in lines] == ["checks"] + ["rehearsal"] * 3
+    assert f"all {len(site.rulebook.rules)} rules on 3 rehearsed plans" == lines[0].name
+    assert all(line.runs == 1 for line in lines)
     assert "fork" in told
-
-
-def test_every_command_of_the_authorization_is_taken(site: Site) -> None:
-    told: list[str] = []
-    found = measure_authorization(bench(site, told))
-    assert {line.part for line in found} == {"authorization"}
-    assert [line.name for line in found if line.other is not None] == ["sign and check a command"]
-    assert told
 
 
 @pytest.mark.parametrize("seed", range(2))

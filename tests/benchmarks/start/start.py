@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -21,7 +21,7 @@ from pa_console.evaluation.run_record import Machine, describe_machine
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.schema.base import StrictModel
 from pa_console.terminal.output import out
-from tests.benchmarks.figures import JsonFileOption, introduce, keep, shares
+from tests.benchmarks.harness import JsonFileOption, Tell, introduce, keep, progress
 from tests.benchmarks.start.console_start import COMMAND, COMPILED, ConsoleStart, StartError
 
 HELP_GOAL_S = 0.25
@@ -72,10 +72,6 @@ class Screen:
     framed: re.Pattern[str]
     painted: re.Pattern[str]
     ready: re.Pattern[str]
-
-
-Tell = Callable[[str, float], None]
-"""Hears what is measured now, and the share, 0 to 1, that is done."""
 
 
 def measure_start(
@@ -207,14 +203,8 @@ def start(
     painted = re.escape(ELSEWHERE.split(";", maxsplit=1)[0])
     framed = re.compile(f"{re.escape(OPENING)}|{painted}")
     screen = Screen(framed, re.compile(painted), LOADED)
-    with shares() as progress:
-        task = progress.add_task("", total=1.0)
-        times, problem = measure_start(
-            weights,
-            screen,
-            runs,
-            lambda what, share: progress.update(task, completed=share, description=what),
-        )
+    with progress() as tell:
+        times, problem = measure_start(weights, screen, runs, tell)
     introduce(machine, weights, f"{runs} starts of each kind")
     out.print(_table(times))
     if problem:

@@ -6,10 +6,11 @@ import sys
 import pytest
 
 from pa_console.llm.models.catalogue import LocalModel
-from tests.benchmarks.inside import Measure
+from tests.benchmarks.conftest import Measure
+from tests.benchmarks.harness import Tell
 from tests.benchmarks.start import console_start, start
 from tests.benchmarks.start.console_start import ConsoleStart, StartError
-from tests.benchmarks.start.start import Screen, StartTime, Tell
+from tests.benchmarks.start.start import Screen, StartTime
 from tests.scripted import ScriptedEngine
 
 TIMES = [

@@ -4,7 +4,6 @@ import pytest
 
 from pa_console.evaluation.reporting.statistics import (
     HYBRID_BY_CATEGORY,
-    MISSIONS_BY_CATEGORY,
     MODELS,
     published,
 )
@@ -12,11 +11,18 @@ from pa_console.resources import data_folder
 from pa_console.schema.document import Document
 from pa_console.schema.evaluation import MissionSet
 
+MISSIONS_BY_CATEGORY = {
+    "Baseline": 2, "Unknown Events": 1, "Recovery": 2, "Multi-Event": 4, "Policy": 1,
+}  # fmt: skip
+"""The number of the ten missions in each category, which the paper does not give."""
 
-def test_table_one_comes_to_the_totals_of_figure_three() -> None:
-    for model, stated in (("Gemma", 1.0), ("LLaMA", 0.8)):
-        won = sum(HYBRID_BY_CATEGORY[c][model] * n for c, n in MISSIONS_BY_CATEGORY.items())
-        assert won / 10 == pytest.approx(stated)
+
+@pytest.mark.parametrize("model", list(MODELS))
+def test_table_one_comes_to_the_hybrid_success_of_each_model(model: str) -> None:
+    won = sum(HYBRID_BY_CATEGORY[c][model] * n for c, n in MISSIONS_BY_CATEGORY.items())
+    hybrid = published(model, "hybrid")
+    assert hybrid is not None
+    assert won / 10 == pytest.approx(hybrid.value)
 
 
 def test_the_division_of_the_missions_is_the_only_one_that_table_one_allows() -> None:

@@ -97,7 +97,7 @@ def posed(
         WORLD, "do it", [], [IssuedCommand("o1", agent, verb, "WestGate", 0.0)]
     )
     for number, at in enumerate(path):
-        asset = first.assets[agent]._replace(position=at, command_id="o1")
+        asset = first.assets[agent].model_copy(update={"position": at, "command_id": "o1"})
         there = {contact.id: contact} if contact is not None else {}
         assets = first.assets | {agent: asset}
         recording.samples.append(first._replace(time_s=number / 2, assets=assets, contacts=there))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from pa_console.evaluation.score import compile_conditions, evaluate
+from pa_console.evaluation.score import compile_condition, failed_conditions
 from tests.evaluation.scoring.recordings import UNKNOWN, WORLD, Take
 
 
@@ -25,7 +25,7 @@ from tests.evaluation.scoring.recordings import UNKNOWN, WORLD, Take
 )
 def test_a_condition_that_cannot_be_meant_is_refused(source: str, problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
-        compile_conditions([source], WORLD)
+        compile_condition(source, WORLD)
 
 
 HOLD = (
@@ -51,8 +51,9 @@ BROKEN = ("run.tracks[7].gate == 'WestGate'", "run.duration_s", "run.gates > 3")
 def test_conditions_that_do_not_hold_are_told_with_what_went_wrong() -> None:
     take = Take(UNKNOWN).do("Drone_T04 observe WestGate")
     facts = take.recorder.finish("verified")
-    conditions = compile_conditions((*HOLD, *FAIL, *BROKEN), WORLD)
-    failed = evaluate(conditions, facts)
+    for source in (*HOLD, *FAIL, *BROKEN):
+        compile_condition(source, WORLD)
+    failed = failed_conditions((*HOLD, *FAIL, *BROKEN), facts)
     assert failed[:3] == FAIL
     for told, source in zip(failed[3:], BROKEN, strict=True):
         assert told.startswith(f"{source} (error: ")
@@ -60,6 +61,5 @@ def test_conditions_that_do_not_hold_are_told_with_what_went_wrong() -> None:
 
 def test_without_a_world_names_are_left_to_the_run() -> None:
     facts = Take().recorder.finish("held")
-    conditions = compile_conditions(["run.coverage['WestGaet'].at_end", *DOTTED])
-    [failed] = evaluate(conditions, facts)
+    [failed] = failed_conditions(["run.coverage['WestGaet'].at_end", *DOTTED], facts)
     assert "error" in failed

@@ -7,7 +7,6 @@ import pytest
 from pa_console.evaluation.oracle import find_breaches
 from pa_console.evaluation.run_facts import IssuedCommand, RunRecording
 from pa_console.schema.incident import SpawnTrack
-from pa_console.schema.telemetry import Task
 from pa_console.sim.truth import TrueContact
 from tests.evaluation.scoring.recordings import HOSTILE, Take, contact, posed
 
@@ -39,13 +38,13 @@ def broken(
         agent, verb, *frame = line.split()
         issued = IssuedCommand(f"o{number}", agent, verb, "".join(frame), sent_s)  # pyright: ignore[reportArgumentType]
         recording.orders.append(issued)
-    blocks: Task = "blocking"
     for half in range(60):
         time_s = half / 2
         assets = dict(first.start.assets)
         for since_s, (name, gate) in (blocking or {}).items():
             if time_s >= since_s:
-                assets[name] = assets[name]._replace(task=blocks, at=gate, post=gate)
+                changes = {"task": "blocking", "at": gate, "post": gate}
+                assets[name] = assets[name].model_copy(update=changes)
         known = [one for since_s, one in there.items() if time_s >= since_s]
         cover = {gate: ("Drone_T01",) if gate != bare else () for gate in first.world.gates}
         recording.samples.append(

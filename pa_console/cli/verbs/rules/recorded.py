@@ -14,9 +14,9 @@ from pa_console.evaluation.changed_decisions import (
     ChangedDecision,
     Gap,
     SessionEffect,
-    effect_on_session,
     rules_turned,
 )
+from pa_console.evaluation.recorded_decisions import effect_on_session
 from pa_console.policy.rulebook import Rulebook, load_rules
 from pa_console.resources import existing_data
 from pa_console.schema.document import DocumentError

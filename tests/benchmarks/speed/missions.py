@@ -8,15 +8,19 @@ made. It has the same adapters, the same context and the same sampling.
 import asyncio
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from pa_console.llm.local.engine import Engine
+from pa_console.llm.models.catalogue import LocalModel
 from pa_console.llm.roles.judge import read_verdict
 from pa_console.llm.roles.planner import read_plan
+from pa_console.llm.roles.role_model import PROMPT_FORMATS
+from pa_console.schema.events.event import Role
+from tests.benchmarks.harness import Memory, process_memory
+from tests.benchmarks.speed.child import Child, LoadWeights
 from tests.benchmarks.speed.compare import Bench, Comparison, compare
-from tests.benchmarks.speed.measured_missions import OurWay, Pair, bench_missions
-from tests.benchmarks.speed.memory import Memory, process_memory
-from tests.benchmarks.speed.messages import PlainAnswer
-from tests.benchmarks.speed.plain_way import PlainWay
+from tests.benchmarks.speed.measured_missions import BenchMission, OurWay, Pair, bench_missions
+from tests.benchmarks.speed.messages import PlainAnswer, PlainAsk, plan_schema, verdict_schema
 
 PART = "missions"
 OURS = "Enter to verdict; picture and words, but for the last one, read while typing"
@@ -24,8 +28,80 @@ OURS_UNREAD = "Enter to verdict, the picture not read before"
 PLAIN = "plain: two create_chat_completion calls with JSON schemas"
 WARM_TOKENS = 8
 AHEAD = 2
-"""So many missions after it, the same one is done with what is typed read ahead: what the model
-remembers of the mission is overwritten by then."""
+"""The number of missions after which one is repeated with its text read ahead: by then the model's
+cache of it is overwritten."""
+PLAIN_MODULE = "tests.benchmarks.speed.plain"
+ROLES: tuple[Role, ...] = ("planner", "judge")
+
+
+class PlainWay:
+    """llama-cpp-python's own way with `model`; each process reuses what it finds in its cache.
+
+    An adapter belongs to a `Llama` for good, so roles with different ones need a `Llama` each.
+    """
+
+    def __init__(self, model: LocalModel) -> None:
+        self._model = model
+        self._prompt_format = PROMPT_FORMATS[model.prompts]
+        files = {adapter.role: str(adapter.path) for adapter in model.adapters}
+        self._adapters = {role: files.get(role, "") for role in ROLES}
+        self._children: dict[str, Child] = {}
+
+    async def start(self) -> Self:
+        """Load the model; raises EngineError when a process cannot."""
+        for adapter in dict.fromkeys(self._adapters.values()):
+            load = LoadWeights(
+                path=str(self._model.path),
+                adapter=adapter,
+                chat=self._model.chat,
+                n_ctx=self._model.n_ctx,
+            )
+            self._children[adapter] = await Child.start(PLAIN_MODULE, load)
+        return self
+
+    async def answer(
+        self, mission: BenchMission, pair: Pair, most: int | None = None
+    ) -> tuple[PlainAnswer, PlainAnswer]:
+        """Return a plan and a verdict to the prompts of ours, of `most` tokens at most."""
+        world, picture = mission.sim.world, mission.sim.picture()
+        plan = await self._ask(
+            "planner",
+            PlainAsk(
+                system=pair.planner.system,
+                user=pair.planner.user,
+                answer_schema=plan_schema(world, picture),
+                max_tokens=most or self._prompt_format.plan_tokens,
+            ),
+        )
+        told = pair.judged_plan in pair.judge.user
+        user = pair.judge.user if told else f"{pair.judge.user}\nPlan: {pair.judged_plan}"
+        verdict = await self._ask(
+            "judge",
+            PlainAsk(
+                system=pair.judge.system,
+                user=user,
+                answer_schema=verdict_schema(self._prompt_format.name, pair.judged_rules),
+                max_tokens=most or self._prompt_format.verdict_tokens,
+            ),
+        )
+        return plan, verdict
+
+    @property
+    def memory(self) -> Memory | None:
+        """The memory of all processes; None if the system does not report it."""
+        sizes = [process_memory(child.pid) for child in self._children.values()]
+        known = [size for size in sizes if size is not None]
+        if len(known) < len(sizes):
+            return None
+        return Memory(sum(size.pss_mb for size in known), sum(size.peak_mb for size in known))
+
+    async def close(self) -> None:
+        """End every process."""
+        for child in self._children.values():
+            await child.close()
+
+    async def _ask(self, role: Role, ask: PlainAsk) -> PlainAnswer:
+        return await self._children[self._adapters[role]].ask(ask, PlainAnswer)
 
 
 @dataclass(frozen=True)
