@@ -132,9 +132,9 @@ class ConsoleApp(App[None]):
         self.session = session = ConsoleSession(
             self, world, station, player, readonly=readonly, clock=clock, joined=joined, last=last
         )
-        self.feed = SessionFeed(session, self._painted, Waiting(usual))
         user = SettingsController(session, settings or load_settings())
         rules = RulesController(session, rulebook, retriever, rules_file, drafts)
+        self.feed = SessionFeed(session, Waiting(usual), rules.take, self._painted)
         commands = CommandController(session, self.feed)
         self._log_alarm = LogAlarmController(session)
         self._attention = AttentionController(session, user, to_terminal or self._to_terminal)
@@ -283,15 +283,6 @@ class ConsoleApp(App[None]):
 
     # What arrives
 
-    @on(SessionFeed.EventReceived)
-    def _received(self, message: SessionFeed.EventReceived) -> None:
-        self.feed.take(message.event)
-        self.controllers.rules.take(message.event)
-
-    @on(SessionFeed.StreamEnded)
-    def _stream_ended(self, message: SessionFeed.StreamEnded) -> None:
-        self.feed.end(message.problem)
-
     @on(VirtualRows.RowChosen)
     def _row_chosen(self, message: VirtualRows.RowChosen) -> None:
         self.controllers.composing.row_chosen(message)
@@ -312,17 +303,16 @@ class ConsoleApp(App[None]):
     def _decided(self, message: ApprovalPanel.Decided) -> None:
         self.controllers.approval.decide(message.decision)
 
-    @on(ApprovalPanel.CompareAsked)
-    def _compare_asked(self) -> None:
-        self.controllers.approval.compare()
-
     @on(ApprovalPanel.LookedAt)
     def _looked_at(self, message: ApprovalPanel.LookedAt) -> None:
         self.controllers.approval.look_at(message.asked)
 
-    @on(ApprovalPanel.ModifyAsked)
-    def _modify_asked(self) -> None:
-        self.controllers.approval.modify()
+    @on(ApprovalPanel.Asked)
+    def _asked(self, message: ApprovalPanel.Asked) -> None:
+        if message.what == "modify":
+            self.controllers.approval.modify()
+        else:
+            self.controllers.approval.compare()
 
 
 def comparison(a: OpenedLog, b: OpenedLog) -> Opening:

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import Literal
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -76,14 +77,11 @@ class ApprovalPanel(Vertical, can_focus=True):
 
         decision: Decision
 
-    class ModifyAsked(Message):
-        """The operator wants to change the plan."""
+    @dataclass
+    class Asked(Message):
+        """The operator wants to change the plan, to see others beside it, or its rehearsal."""
 
-    class PlayAsked(Message):
-        """The operator wants to see the rehearsal on the map, or no more of it."""
-
-    class CompareAsked(Message):
-        """The operator wants to see other plans beside the waiting one."""
+        what: Literal["modify", "compare", "play"]
 
     @dataclass
     class LookedAt(Message):
@@ -445,12 +443,12 @@ class ApprovalPanel(Vertical, can_focus=True):
     def action_play(self) -> None:
         """Play the rehearsal of the plan on show on the map, or stop it."""
         if self.armed:
-            self.post_message(self.PlayAsked())
+            self.post_message(self.Asked("play"))
 
     def action_compare(self) -> None:
         """Show other plans beside the waiting one."""
         if self.armed:
-            self.post_message(self.CompareAsked())
+            self.post_message(self.Asked("compare"))
         else:
             self.type_ahead()
 
@@ -501,7 +499,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self._joined is not None and choice != "approve":
             return
         if choice == "modify" and may_modify(request):
-            self.post_message(self.ModifyAsked())
+            self.post_message(self.Asked("modify"))
         elif choice != "approve" or not self._why_not():
             self._send(decision_of(request, button, self._reason.said))
 

@@ -316,8 +316,11 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_reading(asked, plan, faults)
         self.show_plan(plan if asked else waits)
 
-    def on_approval_panel_play_asked(self) -> None:
+    def on_approval_panel_asked(self, message: ApprovalPanel.Asked) -> None:
         """Play the rehearsal of the plan that is shown, or stop it."""
+        if message.what != "play":
+            return
+        message.stop()
         if self._playback is not None or self._plan is None:
             self._playback = None
         else:
