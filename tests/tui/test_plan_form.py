@@ -9,7 +9,7 @@ from textual.widgets import Button, Static
 from pa_console.schema.finding import Finding
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S
-from pa_console.tui.screens.plan_form import ActionRow, PlanForm, nearest
+from pa_console.tui.screens.plan_editing import ActionRow, PlanForm, nearest
 from tests.tui import story
 from tests.tui.scripted import FakeClock, Show, settle, until
 

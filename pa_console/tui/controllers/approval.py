@@ -196,8 +196,7 @@ class ApprovalController:
         trace, station = self._session.state.current, self._session.station
         if trace is None or trace.approval is None or station is None:
             return
-        from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
-        from pa_console.tui.screens.plan_form import JSON, PlanForm  # noqa: PLC0415
+        from pa_console.tui.screens.plan_editing import PlanEditor, PlanForm, plan_json  # noqa: PLC0415
 
         key, text = (trace.mission.id, trace.approval.attempt), trace.mission.text
         waiting, request_id = trace.approval.plan, trace.approval.request_id
@@ -216,7 +215,7 @@ class ApprovalController:
         def closed(plan: Plan | str | None) -> None:
             self._drafts[key], self._editing = editor.draft, None
             if isinstance(plan, str):
-                self.modify(as_json=plan == JSON)
+                self.modify(as_json=isinstance(editor, PlanForm))
             elif plan == waiting:
                 self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
             elif plan is not None:

@@ -12,7 +12,6 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
@@ -173,6 +172,8 @@ class BrowsingController:
 
 def _plan_text(trace: MissionTrace) -> str:
     """Return the JSON of the latest plan that could be read, else the model's last answer."""
+    from pa_console.tui.screens.plan_editing import plan_json  # noqa: PLC0415
+
     for attempt in reversed(trace.attempts):
         if attempt.plan is not None:
             return plan_json(attempt.plan)
