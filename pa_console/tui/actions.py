@@ -81,7 +81,8 @@ class ConsoleAction:
     """An action of the operator.
 
     `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas. HANDLERS in `controllers.controllers` has its controller.
+    names separated by commas. The tables in
+    `pa_console.tui.controllers.controllers` have what carries it out.
     """
 
     id: str

@@ -28,9 +28,8 @@ from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.composing import ComposingController, Favourites, favourites_file
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.controllers import HANDLERS, ConsoleCommands, Controllers
+from pa_console.tui.controllers.controllers import ConsoleCommands, Controllers
 from pa_console.tui.controllers.leaving import LeavingController
-from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
@@ -144,9 +143,9 @@ class ConsoleApp(App[None]):
         self._questions = QuestionController(session, commands, approval)
         kept = Favourites(favourites or favourites_file())
         self.controllers = Controllers(
+            session,
             browsing=browsing,
             composing=ComposingController(session, browsing, commands, user, kept),
-            replay=ReplayController(session),
             commands=commands,
             approval=approval,
             rules=rules,
@@ -207,8 +206,8 @@ class ConsoleApp(App[None]):
         await super().on_event(event)
 
     def action_carry_out(self, name: str) -> None:
-        """Let its controller carry out the action with the id `name`."""
-        HANDLERS[name](self.controllers)
+        """Carry out the action with the id `name`."""
+        self.controllers.carry_out(name)
 
     def action_help_quit(self) -> None:
         """Show how to leave; `^c` copies the selection and never leaves."""

@@ -15,12 +15,11 @@ from pa_console.schema.mission import Decision
 from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.controllers.replay import read_position
 from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared
 from pa_console.tui.screens import dialogs
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import OpeningLog
-from pa_console.tui.screens.recording import FindEvent, HitRows, RecordingScreen
+from pa_console.tui.screens.recording import FindEvent, HitRows, RecordingScreen, read_position
 from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows

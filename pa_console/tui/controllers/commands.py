@@ -169,10 +169,6 @@ class CommandController:
         if taken and self._session.main is not None:
             self._session.main.query_one(MissionPrompt).taken(text)
 
-    def cancel_mission(self) -> None:
-        """Cancel the active mission at once."""
-        self.attempt("Cancel", lambda station: station.cancel())
-
     def acknowledge(self) -> None:
         """Acknowledge the alarm at the pointer, else the worst unseen one."""
         if self._session.main is None:
@@ -193,23 +189,7 @@ class CommandController:
 
     # The queue
 
-    def move_queued(self, by: int) -> None:
-        """Move the waiting mission at the pointer by one place."""
-        self._with_queued("Move", lambda station, name: station.move(name, by))
-
-    def let_next_go_first(self) -> None:
-        """Let the next mission go before the one that waits for the operator."""
-        self.attempt("Let first", lambda station: station.let_next_go_first())
-
-    def defer_queued(self) -> None:
-        """Let every other mission go before the one at the pointer."""
-        self._with_queued("Defer", lambda station, name: station.defer(name))
-
-    def withdraw_queued(self) -> None:
-        """Take the mission at the pointer out of the queue."""
-        self._with_queued("Withdraw", lambda station, name: station.withdraw(name))
-
-    def _with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
+    def with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
         """Give a command about the waiting mission at the pointer, once the operator sees which.
 
         With the pointer elsewhere or out of sight nothing is done but to show it.

@@ -389,8 +389,9 @@ class ComposingController:
             card.show_still(still, session.shown_state.time_s)
 
     def _map_choice(self, choice: CardChoice | None) -> None:
-        if choice is not None and choice.does == "sensors":
-            self._browsing.with_map(MapView.next_sensors)
-        elif choice is not None:
-            factor = 2.0 if choice.does == "zoom_in" else 0.5
-            self._browsing.with_map(lambda view: view.zoom_by(factor))
+        if choice is not None and (shown := self._session.shown) is not None:
+            view = shown.query_one(MapView)
+            if choice.does == "sensors":
+                view.next_sensors()
+            else:
+                view.zoom_by(2.0 if choice.does == "zoom_in" else 0.5)

@@ -194,6 +194,11 @@ class MainScreen(Screen[None]):
             self.go_to("alarms")
         return self.query_one(AlarmPane)
 
+    def show_assets(self) -> AssetPane:
+        """Return the table of assets, brought into sight."""
+        self.go_to("assets")
+        return self.query_one(AssetPane)
+
     def on_view_bar_view_chosen(self, message: ViewBar.ViewChosen) -> None:
         """Jump to the pointed place."""
         self.focus_view(message.view)
