@@ -44,7 +44,7 @@ async def look(pilot: Pilot[Any], station: ScriptedStation) -> SessionRows:
 
 
 def sheet(app: ConsoleApp) -> str:
-    return str(app.screen.query_one("#sessions-sheet", TextRows).render())
+    return str(app.screen.query_one("#list-sheet", TextRows).render())
 
 
 @pytest.mark.parametrize("size", [(60, 18), (80, 24), (120, 36)])
@@ -55,7 +55,7 @@ async def test_every_session_is_listed_with_how_it_ended_and_whether_it_is_sound
     async with app.run_test(size=size) as pilot:
         listing = await look(pilot, station)
         assert len(listing.keys) == 2
-        title = str(app.screen.query_one("#sessions-title", Static).render())
+        title = str(app.screen.query_one("#list-title", Static).render())
         assert "2 recorded sessions" in title
         mission = story.MISSION.said
         assert listing.text.count(mission[:12]) == 2

@@ -105,18 +105,16 @@ async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
         await settle(pilot)
         screen = app.screen
         assert isinstance(screen, StandingOrdersScreen)
-        assert "1 standing order in force" in str(
-            screen.query_one("#standing-title", Static).render()
-        )
+        assert "1 standing order in force" in str(screen.query_one("#list-title", Static).render())
         assert "in force" in screen.listing.text
-        sheet = words(app, "#standing-sheet")
+        sheet = words(app, "#list-sheet")
         for part in (ORDER.condition, "M-777 for Drone_T01", "Drone_T02: it is busy"):
             assert part in sheet
         await pilot.press("x")
         await settle(pilot, station)
         screen.look()
         assert station.changed == [("S1", "revoke")]
-        assert "revoked by operator" in words(app, "#standing-sheet")
+        assert "revoked by operator" in words(app, "#list-sheet")
         await pilot.press("x")
         assert station.changed == [("S1", "revoke")], "once"
         await pilot.press("escape")
@@ -155,7 +153,7 @@ async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:
     async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
         await pilot.press("escape", "V")
         await settle(pilot)
-        assert "Whenever a drone is below 20 %, relieve it." in words(app, "#standing-sheet")
+        assert "Whenever a drone is below 20 %, relieve it." in words(app, "#list-sheet")
 
 
 async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
@@ -215,7 +213,7 @@ async def test_a_timed_order_shows_its_moments_and_is_paused_skipped_and_given_a
         assert isinstance(screen, StandingOrdersScreen)
         left = clock_text(600.0 - app.session.shown_state.time_s)
         assert f"16:55:00 in {left}" in screen.listing.text
-        assert "every 10 minutes from 16:45" in words(app, "#standing-sheet")
+        assert "every 10 minutes from 16:45" in words(app, "#list-sheet")
         await pilot.press("p")
         await settle(pilot, station)
         screen.look()
