@@ -15,24 +15,9 @@ from pa_console.language.references.resolution import MOST_CHOICES
 from pa_console.schema.events.event import MOST_READINGS
 
 Need = Literal[
-    "live",
-    "replay",
-    "writable",
-    "types",
-    "decides",
-    "stops",
-    "agents",
-    "commander",
-    "mission",
-    "idle_trace",
-    "approval",
-    "alarm",
-    "unseen",
-    "queue",
-    "undecided",
-    "stopped",
-    "left",
-]
+    "live", "replay", "writable", "types", "decides", "stops", "agents", "commander", "mission",
+    "idle_trace", "approval", "alarm", "unseen", "queue", "undecided", "stopped", "left",
+]  # fmt: skip
 Group = Literal[
     "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
 ]  # fmt: skip

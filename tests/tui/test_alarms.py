@@ -8,8 +8,8 @@ from pa_console.schema.events import event as ev
 from pa_console.session.state import SessionState
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
+from pa_console.tui.widgets.row_views import EventList
 from tests.tui import living, story
 from tests.tui.scripted import ScriptedStation, Show, console, settle
 from tests.tui.story import stamped

@@ -13,10 +13,9 @@ from textual.widgets._toast import Toast
 from pa_console.schema.events import event as ev
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.bars import StatusBar
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
-from pa_console.tui.widgets.row_views import TextRows, VirtualRows
+from pa_console.tui.widgets.row_views import EventList, TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
 from tests.tui.scripted import ScriptedStation, Show, console, settle

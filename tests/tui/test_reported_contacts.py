@@ -10,8 +10,8 @@ from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.canvas import FREE
 from pa_console.tui.map.scene import MapScene, short_name
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.row_views import EventList
 from tests.tui import story
 from tests.tui.scripted import Show, settle
 from tests.tui.site import WORLD

@@ -28,7 +28,6 @@ from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import (
     ExampleOrders,
@@ -36,6 +35,7 @@ from pa_console.tui.widgets.mission_prompt import (
     ReadingLine,
     example_orders,
 )
+from pa_console.tui.widgets.row_views import EventList
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
