@@ -30,6 +30,7 @@ from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import (
+    ExampleLine,
     ExampleOrders,
     MissionPrompt,
     ReadingLine,
@@ -371,7 +372,7 @@ class MainScreen(Screen[None]):
                 return True
         return False
 
-    def on_example_orders_order_chosen(self, message: ExampleOrders.OrderChosen) -> None:
+    def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
         """Type the example that was clicked."""
         message.stop()
         self.query_one(MissionPrompt).put(message.order)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import cycle
 from typing import NamedTuple
 
-from textual import events
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
@@ -343,12 +343,10 @@ class MissionPrompt(Horizontal):
         elif self.draft.strip():
             self.post_message(self.Given(self.draft))
 
-    def on_descendant_focus(self) -> None:
-        """Show the help for writing."""
-        self._say_above()
-
-    def on_descendant_blur(self) -> None:
-        """Hide the help while keys go elsewhere."""
+    @on(events.DescendantFocus)
+    @on(events.DescendantBlur)
+    def _keys_go_elsewhere(self) -> None:
+        """Show the help for writing, or hide it while keys go elsewhere."""
         self._say_above()
 
     def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
@@ -497,12 +495,6 @@ class ExampleLine(Static):
 class ExampleOrders(Vertical):
     """Shown until the first mission of a session."""
 
-    @dataclass
-    class OrderChosen(Message):
-        """One of the orders was chosen."""
-
-        order: str
-
     def __init__(self, orders: Sequence[str], **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
         self.orders = tuple(orders)
@@ -512,8 +504,3 @@ class ExampleOrders(Vertical):
         yield Static(Content.styled(HEADING, QUIET))
         for number, order in enumerate(self.orders, start=1):
             yield ExampleLine(number, order)
-
-    def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
-        """Pass the clicked example on."""
-        message.stop()
-        self.post_message(self.OrderChosen(message.order))

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Generic, NamedTuple, TypeVar
 
-from textual import events
+from textual import events, on
 from textual.binding import Binding, BindingType
 from textual.content import Content
 from textual.geometry import Region, Size
@@ -181,12 +181,10 @@ class VirtualRows(ScrollView):
         self.virtual_size = Size(self._room, len(self.keys))
         self.refresh()
 
-    def on_focus(self) -> None:
-        """Show the cursor."""
-        self._repaint()
-
-    def on_blur(self) -> None:
-        """Hide the cursor."""
+    @on(events.Focus)
+    @on(events.Blur)
+    def _show_cursor(self) -> None:
+        """Show the cursor while keys go here."""
         self._repaint()
 
     def action_cursor(self, by: int) -> None:
