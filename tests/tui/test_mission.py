@@ -125,7 +125,7 @@ async def test_the_json_of_a_plan_stays_folded_in_its_place(show: Show) -> None:
         view = next(v for v in app.screen.query(SectionView) if "as JSON" in shown_title(v))
         rows = view.query_one(TextRows)
         assert not rows.display
-        view.query_one(SectionTitle).action_fold()
+        view.action_fold()
         await settle(pilot)
         assert rows.display
         written = rows.render()
