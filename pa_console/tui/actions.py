@@ -22,6 +22,32 @@ Group = Literal[
     "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
 ]  # fmt: skip
 
+_COMMAND: tuple[Need, ...] = ("live", "writable")
+GROUPS: tuple[Group, ...] = get_args(Group)
+READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
+"""The keys of the other readings of an order, or of answers, at the approval panel."""
+
+ALT_DIGITS = (
+    "inverted_exclamation_mark",
+    "trade_mark_sign",
+    "pound_sign",
+    "cent_sign",
+    "infinity",
+    "section_sign",
+)
+"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
+
+_PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
+"""The keys of the approval panel, which a recording does not have."""
+
+RESERVED = {
+    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
+    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
+    "ctrl+c": "the terminal's own interrupt",
+}
+_MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
+_NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
+
 
 @dataclass(frozen=True)
 class ActionContext:
@@ -141,8 +167,6 @@ def _refusal(need: Need, now: ActionContext) -> str:
     }[need]
     return "" if legal else why
 
-
-_COMMAND: tuple[Need, ...] = ("live", "writable")
 
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
@@ -308,7 +332,6 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   confirmed=True, words="exit end session"),
 )  # fmt: skip
 
-GROUPS: tuple[Group, ...] = get_args(Group)
 
 _BY_ID = {action.id: action for action in ACTIONS}
 _BY_CALL = {action.action: action for action in ACTIONS}
@@ -370,23 +393,6 @@ def key_text(keys: str) -> str:
     return " ".join(parts)
 
 
-READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
-"""The keys of the other readings of an order, or of answers, at the approval panel."""
-
-ALT_DIGITS = (
-    "inverted_exclamation_mark",
-    "trade_mark_sign",
-    "pound_sign",
-    "cent_sign",
-    "infinity",
-    "section_sign",
-)
-"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
-
-_PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
-"""The keys of the approval panel, which a recording does not have."""
-
-
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:
     """Return the name of the command that `key` gives in a live session; empty if it gives none."""
     for action in ACTIONS:
@@ -394,15 +400,6 @@ def refused_command(key: str, keymap: Mapping[str, str]) -> str:
         if "live" in action.needs and key in keys:
             return action.label
     return _PANEL.get(key, "")
-
-
-RESERVED = {
-    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
-    "ctrl+c": "the terminal's own interrupt",
-}
-_MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
-_NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
 
 
 class KeymapError(ValueError):

@@ -46,6 +46,8 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.waiting import Waiting
 
+READ_ONLY = "READ-ONLY: every command is refused"
+
 
 class VisibleLines(LineFilter):
     """Shows characters that would be obeyed or not be seen as escapes; a line stays as wide."""
@@ -57,9 +59,6 @@ class VisibleLines(LineFilter):
         if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
             return segments
         return Segment.adjust_line_length(shown, Segment.get_line_length(segments))
-
-
-READ_ONLY = "READ-ONLY: every command is refused"
 
 
 def closed_by(joined: JoinedTo) -> str:

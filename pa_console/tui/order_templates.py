@@ -10,6 +10,12 @@ from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 
 _SLOT = re.compile(r"\{([a-z]+)\}")
 
+LEAST_TYPED = 2
+"""The number of letters that begin a name; fewer begin too many other words."""
+
+_LAST_WORD = re.compile(r"\w+$")
+_LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
+
 
 class Slot(NamedTuple):
     """The place of a slot in a text, its braces included, and its kind."""
@@ -69,13 +75,6 @@ def templates(world: World) -> list[str]:
             slot = "asset" if able == kinds else PLAIN_KINDS[min(able, key=KINDS.index)]
             found.append(form.text.replace("{asset}", f"{{{slot}}}"))
     return found
-
-
-LEAST_TYPED = 2
-"""The number of letters that begin a name; fewer begin too many other words."""
-
-_LAST_WORD = re.compile(r"\w+$")
-_LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
 
 
 class Completion(NamedTuple):

@@ -12,6 +12,9 @@ Part = str | tuple[str, str] | Content
 
 LEAST_BODY = 12
 
+GAP = "  "
+"""The separator between two phrases."""
+
 
 @dataclass(frozen=True)
 class WrappedRow:
@@ -42,10 +45,6 @@ def row(lead: Sequence[Part] | Part = "", *body: Part) -> WrappedRow:
     """
     leads = lead if isinstance(lead, list) else [cast(Part, lead)]
     return WrappedRow(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
-
-
-GAP = "  "
-"""The separator between two phrases."""
 
 
 def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> WrappedRow:

@@ -32,6 +32,9 @@ MOST_BESIDE = 2
 OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
 _LEAD = 11
 
+LIST_CELLS = 100
+"""The width below which plans stand one below the other."""
+
 
 @dataclass(frozen=True)
 class ComparedPlan:
@@ -153,10 +156,6 @@ def _battery(preview: PlanPreview) -> str:
 
 def _lead(name: str) -> tuple[str, str]:
     return f"{name:<{_LEAD}}", QUIET
-
-
-LIST_CELLS = 100
-"""The width below which plans stand one below the other."""
 
 
 class CandidateColumn(VerticalScroll, can_focus=True):

@@ -33,6 +33,11 @@ from pa_console.views.event_words import (
     step_lines,
 )
 
+YOUNG_S = 10.0
+"""The age of a plan from which on it is shown, seconds."""
+
+_LEAD = 10
+
 
 @dataclass(frozen=True)
 class _ActionGroup:
@@ -65,10 +70,6 @@ def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
     yield phrased(("Steps  ", QUIET), spent)
     if changed := cover_row(preview):
         yield changed
-
-
-YOUNG_S = 10.0
-"""The age of a plan from which on it is shown, seconds."""
 
 
 def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
@@ -404,9 +405,6 @@ def reading_label(number: int, asked: str) -> Content:
     """Return what else the order may mean, after the key that shows it."""
     or_ = "or: " if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
-
-
-_LEAD = 10
 
 
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:

@@ -48,6 +48,8 @@ BACK_TO_PROPOSED = "back to the plan as it was proposed"
 PlanKey = tuple[str, int]
 """Id of a mission and number of an attempt."""
 
+LOOKING = "looking at the record, and checking what has to be checked …"
+
 
 class ApprovalController:
     """Decides on the plan that waits; drafts of modified plans are kept while the console runs."""
@@ -280,9 +282,6 @@ def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
     before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
     planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
     return next(planned, request.plan)
-
-
-LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class AnswerScreen(ModalScreen[None]):

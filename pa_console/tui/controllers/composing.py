@@ -48,6 +48,11 @@ from pa_console.tui.widgets.row_views import VirtualRows
 HEAD = "# Favourite orders of PA Console; what stands in braces, like {gate}, is a slot.\n"
 MOST_KEPT = 200
 
+MOST_SESSIONS = 50
+"""The number of sessions that are read, the newest first."""
+
+TEMPLATE, FAVOURITE = "template", "favourite"
+
 
 class _Kept(StrictModel):
     """The content of the file."""
@@ -112,10 +117,6 @@ class Favourites:
         write_atomically(path, changed)
 
 
-MOST_SESSIONS = 50
-"""The number of sessions that are read, the newest first."""
-
-
 class PastOrder(NamedTuple):
     """An order with when its session began and how it ended; both unknown outside every log."""
 
@@ -155,9 +156,6 @@ def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]
         notes.setdefault(order.text, order)
     orders = {text: notes.get(text, PastOrder(text)) for text in typed}
     return list({**orders, **notes}.values())
-
-
-TEMPLATE, FAVOURITE = "template", "favourite"
 
 
 class ComposingController:

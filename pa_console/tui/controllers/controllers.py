@@ -26,6 +26,46 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 TYPICAL = ("unknown vehicle", "weather")
 """Words of the what-ifs that are offered before anything is typed."""
 
+ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
+    "view_map": lambda shown: shown.focus_view("map"),
+    "view_assets": lambda shown: shown.focus_view("assets"),
+    "view_trace": lambda shown: shown.focus_view("trace"),
+    "view_events": lambda shown: shown.focus_view("events"),
+    "view_alarms": lambda shown: shown.focus_view("alarms"),
+    "next_alarm": lambda shown: shown.show_alarms().next_alarm(),
+    "next_queued": lambda shown: shown.show_alarms().next_mission(),
+    "zoom_in": lambda shown: shown.query_one(MapView).zoom_by(2.0),
+    "zoom_out": lambda shown: shown.query_one(MapView).zoom_by(0.5),
+    "sensors": lambda shown: shown.query_one(MapView).next_sensors(),
+    "pan_left": lambda shown: shown.query_one(MapView).pan(-1, 0),
+    "pan_right": lambda shown: shown.query_one(MapView).pan(1, 0),
+    "pan_up": lambda shown: shown.query_one(MapView).pan(0, 1),
+    "pan_down": lambda shown: shown.query_one(MapView).pan(0, -1),
+    "filter": lambda shown: shown.show_assets().ask(),
+    "problems": lambda shown: shown.show_assets().toggle_problems(),
+    "prompt": lambda shown: shown.query_one(MissionPrompt).take_cursor(),
+}
+"""What only changes the main screen, or the recording that was opened over it."""
+
+ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
+    "play": RecordingScreen.play_pause,
+    "step": lambda shown: shown.move(Player.step),
+    "back": lambda shown: shown.move(Player.step_back),
+    "second": lambda shown: shown.move(lambda player: player.step_seconds(1)),
+    "second_back": lambda shown: shown.move(lambda player: player.step_seconds(-1)),
+    "next_mission": lambda shown: shown.jump("mission", 1),
+    "mission_before": lambda shown: shown.jump("mission", -1),
+    "next_finding": lambda shown: shown.jump(FINDING, 1),
+    "finding_before": lambda shown: shown.jump(FINDING, -1),
+    "to_moment": RecordingScreen.to_moment,
+    "search_log": RecordingScreen.search,
+    "compare": RecordingScreen.compare,
+}
+"""What only a recording has."""
+
+PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
+"""Title, effect, help, and further search words."""
+
 
 @dataclass(frozen=True)
 class Controllers:
@@ -89,52 +129,11 @@ HANDLERS: Mapping[str, Callable[[Controllers], object]] = {
 }
 """The actions of the controllers, by id."""
 
-ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
-    "view_map": lambda shown: shown.focus_view("map"),
-    "view_assets": lambda shown: shown.focus_view("assets"),
-    "view_trace": lambda shown: shown.focus_view("trace"),
-    "view_events": lambda shown: shown.focus_view("events"),
-    "view_alarms": lambda shown: shown.focus_view("alarms"),
-    "next_alarm": lambda shown: shown.show_alarms().next_alarm(),
-    "next_queued": lambda shown: shown.show_alarms().next_mission(),
-    "zoom_in": lambda shown: shown.query_one(MapView).zoom_by(2.0),
-    "zoom_out": lambda shown: shown.query_one(MapView).zoom_by(0.5),
-    "sensors": lambda shown: shown.query_one(MapView).next_sensors(),
-    "pan_left": lambda shown: shown.query_one(MapView).pan(-1, 0),
-    "pan_right": lambda shown: shown.query_one(MapView).pan(1, 0),
-    "pan_up": lambda shown: shown.query_one(MapView).pan(0, 1),
-    "pan_down": lambda shown: shown.query_one(MapView).pan(0, -1),
-    "filter": lambda shown: shown.show_assets().ask(),
-    "problems": lambda shown: shown.show_assets().toggle_problems(),
-    "prompt": lambda shown: shown.query_one(MissionPrompt).take_cursor(),
-}
-"""What only changes the main screen, or the recording that was opened over it."""
-
-ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
-    "play": RecordingScreen.play_pause,
-    "step": lambda shown: shown.move(Player.step),
-    "back": lambda shown: shown.move(Player.step_back),
-    "second": lambda shown: shown.move(lambda player: player.step_seconds(1)),
-    "second_back": lambda shown: shown.move(lambda player: player.step_seconds(-1)),
-    "next_mission": lambda shown: shown.jump("mission", 1),
-    "mission_before": lambda shown: shown.jump("mission", -1),
-    "next_finding": lambda shown: shown.jump(FINDING, 1),
-    "finding_before": lambda shown: shown.jump(FINDING, -1),
-    "to_moment": RecordingScreen.to_moment,
-    "search_log": RecordingScreen.search,
-    "compare": RecordingScreen.compare,
-}
-"""What only a recording has."""
-
 
 class ConsoleHost(Protocol):
     """The app, as far as the palette needs it."""
 
     controllers: Controllers
-
-
-PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
-"""Title, effect, help, and further search words."""
 
 
 class ConsoleCommands(Provider):

@@ -41,6 +41,32 @@ Sensors = Literal["", "cameras", "all"]
 
 Line = tuple[Point, Point]
 
+_ADJOINING = 2.0
+"""The discount of a place right beside a marker, if it hides nothing."""
+
+CONTACT_GLYPH, CONTACT_ROLE = "◌", "contact"
+MOST_NAME = 14
+"""A longer call sign is cut on the map; the event list has it whole."""
+
+_FREE = FREE | {"wall"}
+ROLES = (
+    "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
+    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
+    "camera-field", "trail", "route", "uav", "ugv", "robot", "manual", "down", "stale", "suspect",
+    "crowd", "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown",
+    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
+    "warning", "detail", "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
+    "contact",
+)  # fmt: skip
+CELLS_PER_NAME = 48
+"""The room for each asset below which only important names are written."""
+
+MOST_RETRIES = 2
+"""The number of attempts to place names, each beginning with the names that found no room."""
+
+Window = tuple[float, Point | None]
+"""The zoom of the map, and its centre."""
+
 
 def camera_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tuple[Point, ...]]:
     """Yield the outline of what each camera sees that works, a closed line in metres."""
@@ -104,10 +130,6 @@ def _meets(at: Point, ray: Point, wall: Line) -> float:
         return inf
     share, far = (x * ray[1] - y * ray[0]) / cross, (x * along_y - y * along_x) / cross
     return far if far > 0.0 and 0.0 <= share <= 1.0 else inf
-
-
-_ADJOINING = 2.0
-"""The discount of a place right beside a marker, if it hides nothing."""
 
 
 class _LooseName(NamedTuple):
@@ -216,13 +238,6 @@ class Frames:
         return self._labels.place(cell, spots, [line], gap=gap, most=most)
 
 
-GLYPH, ROLE = "◌", "contact"
-MOST_NAME = 14
-"""A longer call sign is cut on the map; the event list has it whole."""
-
-_FREE = FREE | {"wall"}
-
-
 class _Drawn(NamedTuple):
     at: Cell
     spot: Spot
@@ -255,15 +270,15 @@ class Contacts:
         for at, (column, row), _ in self._drawn:
             if canvas.role(at) in _FREE:
                 way = floor(column) - at[0], floor(row) - at[1]
-                canvas.put(at, GLYPH if way == (0, 0) else edge_arrow(*way), ROLE)
+                canvas.put(at, CONTACT_GLYPH if way == (0, 0) else edge_arrow(*way), CONTACT_ROLE)
         if labels is None or not self._drawn:
             return
         self._keep_what_is_there(canvas, labels)
         for at, spot, contact in self._drawn:
-            hidden = "" if canvas.role(at) == ROLE else GLYPH
+            hidden = "" if canvas.role(at) == CONTACT_ROLE else CONTACT_GLYPH
             name = f"{hidden}TAK {short_name(contact.name)}"
             for text in (f"{name} {contact.affiliation}?", name):
-                if labels.place(at, [spot], [[(text, ROLE)]], gap=len(hidden)):
+                if labels.place(at, [spot], [[(text, CONTACT_ROLE)]], gap=len(hidden)):
                     break
 
     def _keep_what_is_there(self, canvas: Canvas, labels: Labels) -> None:
@@ -277,26 +292,6 @@ def short_name(name: str) -> str:
     """Return `name` for a row of cells: short, and each of its characters one cell wide."""
     plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
     return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
-
-
-ROLES = (
-    "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
-    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
-    "camera-field", "trail", "route", "uav", "ugv", "robot", "manual", "down", "stale", "suspect",
-    "crowd", "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown",
-    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
-    "warning", "detail", "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
-    "contact",
-)  # fmt: skip
-
-CELLS_PER_NAME = 48
-"""The room for each asset below which only important names are written."""
-
-MOST_RETRIES = 2
-"""The number of attempts to place names, each beginning with the names that found no room."""
-
-Window = tuple[float, Point | None]
-"""The zoom of the map, and its centre."""
 
 
 def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:

@@ -32,6 +32,10 @@ from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 from pa_console.tui.widgets.trace_pane import trace_text
 from pa_console.views.status_words import outcomes_in_words
 
+PROBLEM = "Not opened"
+MOST = 200
+"""The number of sessions listed, the newest first."""
+
 
 class SessionRows(PointedRows[SessionSummary]):
     """The list of sessions, newest first; a session that is marked is to be compared."""
@@ -112,11 +116,6 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Wr
 
 def _line(name: str, text: str) -> WrappedRow:
     return row([(f"{name:<10}", QUIET)], text)
-
-
-PROBLEM = "Not opened"
-MOST = 200
-"""The number of sessions listed, the newest first."""
 
 
 class SessionsScreen(ListScreen[SessionRows]):

@@ -20,6 +20,12 @@ from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 from pa_console.views.event_words import next_in_words
 
+StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
+"""The changes that an operator can make to a standing order from the list."""
+
+LOOK_S = 0.5
+"""The interval between two looks for changes, seconds."""
+
 
 class StandingRows(PointedRows[StandingTrace]):
     """The list of standing orders, the oldest first."""
@@ -88,13 +94,6 @@ class StandingRows(PointedRows[StandingTrace]):
 
     def _when(self, tick: int) -> str:
         return f"at {clock_text(tick * self.dt_s)}"
-
-
-StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
-"""The changes that an operator can make to a standing order from the list."""
-
-LOOK_S = 0.5
-"""The interval between two looks for changes, seconds."""
 
 
 class StandingOrdersScreen(ListScreen[StandingRows]):

@@ -33,6 +33,32 @@ LABELS: dict[Kind, str] = {
     "refuse": "must be refused",
 }
 
+EXPECTED: dict[Expectation, str] = {
+    "execute": "to be carried out",
+    "trim": "to be carried out in part, the rest refused",
+    "refuse": "to be refused: nothing but hold and report may be ordered",
+    "either": "may be carried out or refused",
+}
+_STAGES = (
+    ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
+    ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
+    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
+    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
+)  # fmt: skip
+_LEAD = 9
+_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
+_NO_RUNS = (
+    "{folder} holds no run of an evaluation yet.",
+    "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
+    "true state. `pa-console eval --help` names other missions, models and variants.",
+    "Runs appear here as they end; o opens another folder.",
+)
+_GAP = "  "
+LEAST_TEXT = 14
+"""Columns of text wrap down to this many cells before a table grows wider than the screen."""
+
+LEAST_WIDTH = 40
+
 
 def judge_wrong(record: RunRecord) -> bool:
     """Return whether a verdict of the judge, before or after, contradicts the strict success."""
@@ -68,21 +94,6 @@ def _has(record: RunRecord, words: Sequence[str]) -> bool:
          record.command)
     ).lower()  # fmt: skip
     return all(word in known for word in words)
-
-
-EXPECTED: dict[Expectation, str] = {
-    "execute": "to be carried out",
-    "trim": "to be carried out in part, the rest refused",
-    "refuse": "to be refused: nothing but hold and report may be ordered",
-    "either": "may be carried out or refused",
-}
-_STAGES = (
-    ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
-    ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
-    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
-    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
-)  # fmt: skip
-_LEAD = 9
 
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
@@ -179,15 +190,6 @@ def _latency(metrics: Metrics) -> list[WrappedRow]:
     return [_field("latency", *parts)]
 
 
-_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
-_NO_RUNS = (
-    "{folder} holds no run of an evaluation yet.",
-    "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
-    "true state. `pa-console eval --help` names other missions, models and variants.",
-    "Runs appear here as they end; o opens another folder.",
-)
-
-
 def title_text(folder: Path, *, tables: bool, width: int) -> Content:
     """Return the title with the two views, the shown one marked, and the end of the path."""
     marked = "bold reverse $text-primary"
@@ -231,11 +233,6 @@ def homely(path: Path) -> str:
         return str(Path("~") / path.resolve().relative_to(Path.home()))
     except (ValueError, RuntimeError):
         return str(path)
-
-
-_GAP = "  "
-LEAST_TEXT = 14
-"""Columns of text wrap down to this many cells before a table grows wider than the screen."""
 
 
 def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
@@ -292,9 +289,6 @@ def _line(cells: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) 
             parts.append(gap + piece if right else piece + gap)
         lines.append(Content(_GAP).join(parts).rstrip())
     return lines
-
-
-LEAST_WIDTH = 40
 
 
 class ReportTables(ScrollableContainer):

@@ -42,6 +42,9 @@ came so soon, does not send it."""
 MOST_SHOWN = 6
 """The number of names that fit a slot that are shown; the rest are counted."""
 
+MOST = 4
+HEADING = "To begin: a key types the order, Enter sends it"
+
 
 class _TriedCompletion(NamedTuple):
     """A name that was written, number `number` of those found, and how the field then was."""
@@ -438,9 +441,6 @@ class MissionPrompt(Horizontal):
             self.screen.set_focus(self.query_one(MissionInput))
 
 
-MOST = 4
-
-
 def example_orders(world: World) -> tuple[str, ...]:
     """Return up to four orders, each with another gate as long as there are others.
 
@@ -468,9 +468,6 @@ def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
         own = [name for name, spec in world.assets.items() if spec.kind == kind]
         yield from (name for name in own if world.assets[name].post not in world.gates)
         yield from own
-
-
-HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class ExampleLine(Static):

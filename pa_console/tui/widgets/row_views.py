@@ -25,6 +25,11 @@ Cells = Mapping[str, tuple[str, str]]
 NOTES = "notes"
 """The column that takes the room that is left."""
 
+MARK = 2
+"""Cells of the pointer in front of a row."""
+
+Item = TypeVar("Item")
+
 
 class Layout(NamedTuple):
     """Columns of one group of rows with their widths, and which go first when room is short."""
@@ -224,13 +229,6 @@ class VirtualRows(ScrollView):
     def text(self) -> str:
         """Every row as plain text, those out of view included."""
         return "\n".join(self.row(i, self._room).plain for i in range(len(self.keys)))
-
-
-MARK = 2
-"""Cells of the pointer in front of a row."""
-
-
-Item = TypeVar("Item")
 
 
 class PointedRows(VirtualRows, Generic[Item]):

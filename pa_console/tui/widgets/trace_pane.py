@@ -21,6 +21,8 @@ from pa_console.views.trace_planning import Rules
 
 _SHOWN = TraceOptions()
 
+NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
+
 
 def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
     """Return everything known of the mission, in the order in which it happened."""
@@ -74,9 +76,6 @@ def progress(trace: MissionTrace) -> Content:
 def headline(trace: MissionTrace) -> list[WrappedRow]:
     """Return the mission's id, origin and text, and where it stands in each workflow."""
     return [row("", content(line)) for line in trace_layout.headline(trace)]
-
-
-NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
 
 
 def trace_text(trace: MissionTrace, rules: Rules) -> str:
