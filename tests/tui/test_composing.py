@@ -14,7 +14,7 @@ from pa_console.session.recording import Player
 from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.composing import Favourites
-from pa_console.tui.order_templates import OrderNames, next_slot, slots, templates
+from pa_console.tui.order_templates import OrderNames, example_orders, next_slot, slots, templates
 from pa_console.tui.screens.compose import Card, ChooseLine, LineRows
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.assets import AssetTable
@@ -24,7 +24,6 @@ from pa_console.tui.widgets.mission_prompt import (
     ExampleLine,
     ExampleOrders,
     MissionInput,
-    example_orders,
 )
 from tests.session.logs import write_log
 from tests.tui import crowd, living, story

@@ -178,7 +178,7 @@ class TypingController:
 
     def _takes_at_panel(self, panel: ApprovalPanel, character: str) -> bool:
         if not panel.armed:
-            panel.type_ahead()
+            panel.disarm()
             return True
         if self._typed.is_text:
             panel.write_reason(self._typed.keys)

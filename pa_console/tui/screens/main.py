@@ -22,7 +22,7 @@ from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.approval.plan_text import PlanSchedule
 from pa_console.tui.kept_input import History
-from pa_console.tui.order_templates import OrderNames
+from pa_console.tui.order_templates import OrderNames, example_orders
 from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan
 from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
@@ -34,7 +34,6 @@ from pa_console.tui.widgets.mission_prompt import (
     ExampleOrders,
     MissionPrompt,
     ReadingLine,
-    example_orders,
 )
 from pa_console.tui.widgets.row_views import EventList
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane

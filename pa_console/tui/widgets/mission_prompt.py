@@ -4,9 +4,8 @@ A text put here by a menu, an example or an earlier order is only typed: `Enter`
 the `Enter` that may have been meant for the menu.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from typing import NamedTuple
 
 from textual import events, on
@@ -18,7 +17,6 @@ from textual.message import Message
 from textual.widgets import Static, TextArea
 from textual.widgets.text_area import Selection
 
-from pa_console.schema.world import AssetKind, World
 from pa_console.tui.actions import key_text
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
@@ -42,7 +40,6 @@ came so soon, does not send it."""
 MOST_SHOWN = 6
 """The number of names that fit a slot that are shown; the rest are counted."""
 
-MOST = 4
 HEADING = "To begin: a key types the order, Enter sends it"
 
 
@@ -439,35 +436,6 @@ class MissionPrompt(Horizontal):
         """Let keys go to the field, the very next one too."""
         if self._takes:
             self.screen.set_focus(self.query_one(MissionInput))
-
-
-def example_orders(world: World) -> tuple[str, ...]:
-    """Return up to four orders, each with another gate as long as there are others.
-
-    The assets in them are spare ones where there are any: no gate is their post.
-    """
-    gates = cycle(world.gates)
-    orders: list[str] = []
-    if drone := _spare(world, ("uav",)):
-        orders.append(f"Send {drone} to look at {next(gates)}.")
-    if walker := _spare(world, ("ugv", "robot")):
-        orders.append(f"Send {walker} to {next(gates)}.")
-    orders.append(f"Report on {next(gates)}.")
-    if robot := _spare(world, ("robot", "ugv", "uav")):
-        orders.append(f"Send {robot} home.")
-    return tuple(orders[:MOST])
-
-
-def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
-    """Return an asset of the first kind that there is; empty without any."""
-    return next(_by_choice(world, kinds), "")
-
-
-def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
-    for kind in kinds:
-        own = [name for name, spec in world.assets.items() if spec.kind == kind]
-        yield from (name for name in own if world.assets[name].post not in world.gates)
-        yield from own
 
 
 class ExampleLine(Static):
