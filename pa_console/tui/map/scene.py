@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, Frame, World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Projection, Run, Spot, Strokes
 from pa_console.tui.map.ground import FRAME_GLYPHS, MapGround, draw_ground
@@ -357,106 +357,68 @@ class MapScene:
             _lines(view, routes, 3, 2).draw(canvas, "route", over=FREE)
         if plan is not None:
             plan.draw_routes(canvas, view)
-        shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
+        cameras = [
+            (view.cell(spec.at), view.spot(spec.at), camera_symbol(report, look))
+            for name, report in picture.cameras.items()
+            if (spec := self.world.cameras.get(name)) is not None and view.shows(spec.at)
+        ]
+        shown = self._markers(picture, seen, view, look, plan, whole=whole, health=not crowded)
         markers = Markers(canvas, shown, marked)
         reported = Contacts(canvas, view, contacts, whole=whole)
-        self._draw_cameras(canvas, view, picture, look, crowded=crowded)
+        for at, _, symbol in cameras:
+            if not (crowded and symbol.role == "camera"):
+                canvas.put(at, symbol.glyph, symbol.role)
         markers.draw(canvas)
-        named = self._named(
-            canvas, ground, picture, look, markers, reported=reported, plan=plan, crowded=crowded
-        )
-        first: tuple[Cell, ...] = ()
+
+        def name(first: Sequence[Cell] = ()) -> Canvas:
+            """Return a copy with all names for which there is room, of the cells `first` first."""
+            named = canvas.copy()
+            labels = Labels(named, ground.barriers)
+            broken = [camera for camera in cameras if camera[2].name]
+            for at, _, _ in broken:
+                labels.keep(at)
+            involved = plan.preview.involved if plan is not None else None
+            frames = Frames(named, labels, view, picture, involved)
+            frames.draw(self.world.frames, ground.names)
+            if plan is not None:
+                plan.write(labels, ground, self.world)
+            markers.name(named, labels, first, crowded=crowded)
+            for at, spot, symbol in broken:
+                hidden = symbol.glyph if at in named.marks else ""
+                fault = [[(f"{hidden}{symbol.name}", symbol.role)]]
+                labels.place(at, [spot], fault, gap=len(hidden))
+            frames.erase_hidden()
+            if not crowded:
+                frames.name_displaced()
+            reported.draw(named, None if crowded else labels)
+            return named
+
+        named, first = name(), tuple[Cell, ...]()
         for _ in range(0 if crowded else MOST_RETRIES):
             if left_out := markers.unnamed(named):
                 first = (*left_out, *first)
-                again = self._named(
-                    canvas, ground, picture, look, markers, reported=reported, first=first,
-                    plan=plan, crowded=False,
-                )  # fmt: skip
-                named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
+                named = min(named, name(first), key=lambda tried: len(markers.unnamed(tried)))
         return named
-
-    def _named(
-        self,
-        canvas: Canvas,
-        ground: MapGround,
-        picture: Picture,
-        look: Reliance,
-        markers: Markers,
-        *,
-        reported: Contacts,
-        first: Sequence[Cell] = (),
-        plan: PlanLayer | None = None,
-        crowded: bool,
-    ) -> Canvas:
-        """Return a copy of the canvas with all names for which there is room.
-
-        Those of the markers in the cells `first` are written before all other markers' names.
-        """
-        canvas = canvas.copy()
-        labels = Labels(canvas, ground.barriers)
-        for at, _, symbol in self._cameras(ground.view, picture, look):
-            if symbol.name:
-                labels.keep(at)
-        involved = plan.preview.involved if plan is not None else None
-        frames = Frames(canvas, labels, ground.view, picture, involved)
-        frames.draw(self.world.frames, ground.names)
-        if plan is not None:
-            plan.write(labels, ground, self.world)
-        markers.name(canvas, labels, first, crowded=crowded)
-        self._name_cameras(canvas, labels, ground.view, picture, look)
-        frames.erase_hidden()
-        if not crowded:
-            frames.name_displaced()
-        reported.draw(canvas, None if crowded else labels)
-        return canvas
 
     def _markers(
         self,
         picture: Picture,
-        view: Projection,
         seen: Iterable[AssetTelemetry],
+        view: Projection,
         look: Reliance,
         plan: PlanLayer | None,
         *,
         whole: bool,
         health: bool,
     ) -> Iterator[Marker]:
+        """Yield the markers of all tracks in view and of the assets `seen`."""
         numbers = track_names(picture.tracks)
-        for track in picture.tracks.values():
-            if whole or view.shows(track.position):
-                symbol = track_symbol(track, numbers[track.id], look)
-                if plan is not None and plan.dims(track.id):
-                    symbol = dimmed(symbol)
-                yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
-        for asset in seen:
-            symbol = asset_symbol(asset, self.short, look, health=health)
-            if plan is not None and plan.dims(asset.id):
-                symbol = dimmed(symbol)
-            yield Marker(asset.id, view.spot(asset.position), symbol)
-
-    def _draw_cameras(
-        self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool
-    ) -> None:
-        """Draw cameras; in a crowded view, only broken ones."""
-        for at, _, symbol in self._cameras(view, picture, look):
-            if not (crowded and symbol.role == "camera"):
-                canvas.put(at, symbol.glyph, symbol.role)
-
-    def _name_cameras(
-        self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture, look: Reliance
-    ) -> None:
-        """Write the fault beside a camera that does not work."""
-        for at, spot, symbol in self._cameras(view, picture, look):
-            if symbol.name:
-                hidden = symbol.glyph if at in canvas.marks else ""
-                block = [[(f"{hidden}{symbol.name}", symbol.role)]]
-                labels.place(at, [spot], block, gap=len(hidden))
-
-    def _cameras(
-        self, view: Projection, picture: Picture, look: Reliance
-    ) -> Iterator[tuple[Cell, Spot, Symbol]]:
-        for name, camera in picture.cameras.items():
-            spec = self.world.cameras.get(name)
-            if spec is not None and view.shows(spec.at):
-                yield view.cell(spec.at), view.spot(spec.at), camera_symbol(camera, look)
+        tracks = [t for t in picture.tracks.values() if whole or view.shows(t.position)]
+        symbols: list[tuple[Track | AssetTelemetry, Symbol, bool]] = [
+            *((t, track_symbol(t, numbers[t.id], look), True) for t in tracks),
+            *((a, asset_symbol(a, self.short, look, health=health), False) for a in seen),
+        ]
+        for thing, symbol, is_track in symbols:
+            aside = plan is not None and plan.dims(thing.id)
+            shown = dimmed(symbol) if aside else symbol
+            yield Marker(thing.id, view.spot(thing.position), shown, is_track)
