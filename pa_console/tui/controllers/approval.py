@@ -1,6 +1,7 @@
 """Takes decisions on plans and questions at the prompt to the station, and shows the answers."""
 
 from contextlib import suppress
+from typing import Any
 
 from textual.app import ComposeResult
 from textual.binding import Binding
@@ -248,24 +249,16 @@ class ApprovalController:
         """Close the editor and the comparison of a plan that no longer waits."""
         current = self._session.state.current
         waiting = current.approval if current else None
-        if self._comparing is not None:
-            request_id, screen = self._comparing
-            gone = waiting is None or waiting.request_id != request_id
-            if gone and self._session.app.screen is screen:
+        key = (current.mission.id, waiting.attempt) if current and waiting else None
+        over: list[tuple[Screen[Any], str]] = []
+        if self._comparing and (waiting is None or waiting.request_id != self._comparing[0]):
+            over.append((self._comparing[1], "Compare"))
+        if self._editing and self._editing[0] != key:
+            over.append((self._editing[1], "Modify"))
+        for screen, title in over:
+            if self._session.app.screen is screen:
                 screen.dismiss(None)
-                self._session.tell("the plan no longer waits for a decision", "Compare", bad=True)
-        self._close_void_editor()
-
-    def _close_void_editor(self) -> None:
-        if self._editing is None:
-            return
-        current = self._session.state.current
-        waiting = current.approval if current else None
-        open_key = (current.mission.id, waiting.attempt) if current and waiting else None
-        key, editor = self._editing
-        if key != open_key and self._session.app.screen is editor:
-            editor.dismiss(None)
-            self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)
+                self._session.tell("the plan no longer waits for a decision", title, bad=True)
 
 
 def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> ComparedPlan | None:
