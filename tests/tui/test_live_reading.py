@@ -13,7 +13,7 @@ from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.mission_prompt import MissionPrompt, ReadingLine
 from tests.tui import story
-from tests.tui.scripted import FakeClock, Opened, ScriptedStation, Show, console, settle
+from tests.tui.scripted import FakeClock, Opened, ScriptedStation, Show, console, press, settle
 
 ORDER = "Send a drone to the east gate"
 READING = "reads as: Drone_T04 to East Gate; gates stay covered"
@@ -67,8 +67,7 @@ async def test_a_key_withdraws_the_reading_before_the_station_does(show: Show) -
     async with show(story.opening()) as opened:
         await typed(opened)
         await reads(opened)
-        await opened.pilot.press("x")
-        await settle(opened.pilot)
+        await press(opened.pilot, "x")
         assert line(opened.app) == ""
 
 
@@ -76,8 +75,7 @@ async def test_a_space_changes_no_reading(show: Show) -> None:
     async with show(story.opening()) as opened:
         await typed(opened)
         await reads(opened)
-        await opened.pilot.press("space")
-        await settle(opened.pilot)
+        await press(opened.pilot, "space")
         assert line(opened.app) == READING
 
 
@@ -86,8 +84,7 @@ async def test_enter_sends_the_order_and_the_line_is_gone(show: Show) -> None:
         await typed(opened)
         await reads(opened)
         opened.clock.now += 5.0
-        await opened.pilot.press("enter")
-        await settle(opened.pilot)
+        await press(opened.pilot, "enter")
         assert opened.station.submitted == [ORDER]
         assert opened.station.typed == ""
         assert line(opened.app) == ""
@@ -137,7 +134,7 @@ def test_how_it_looks(
     app = console(station, tmp_path, clock)
 
     async def before(pilot: Pilot[None]) -> None:
-        await settle(pilot, station)
+        await settle(pilot)
         opened = Opened(app, pilot, station, clock)
         await typed(opened)
         await reads(opened, LONG)

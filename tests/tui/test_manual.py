@@ -97,9 +97,8 @@ async def test_the_manual_opens_from_the_help_page_and_escape_goes_back(show: Sh
         assert isinstance(app.screen, ManualScreen)
 
 
-async def test_the_page_at_the_pointer_is_shown(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_the_page_at_the_pointer_is_shown(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (_, pilot, _, _):
         screen = await opened(pilot)
         assert (title(screen), marked(screen)) == ("Manual", [])
         await pilot.press("down", "down")
@@ -109,9 +108,8 @@ async def test_the_page_at_the_pointer_is_shown(tmp_path: Path) -> None:
         assert screen.focused is screen.query_one("#manual-page")
 
 
-async def test_words_are_found_in_all_pages_and_lead_to_their_section(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_words_are_found_in_all_pages_and_lead_to_their_section(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (_, pilot, _, _):
         screen = await opened(pilot, "slash", *"sign", "enter")
         assert title(screen) == "Rules"
         assert marked(screen) == ["Signing"]
@@ -128,9 +126,8 @@ async def test_words_are_found_in_all_pages_and_lead_to_their_section(tmp_path: 
         assert title(screen) == "Console"
 
 
-async def test_a_link_leads_to_its_section_or_says_that_there_is_none(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_a_link_leads_to_its_section_or_says_that_there_is_none(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (app, pilot, _, _):
         screen = await opened(pilot)
         text = screen.query_one(Markdown)
         text.post_message(Markdown.LinkClicked(text, "nowhere.md"))
@@ -144,7 +141,7 @@ async def test_a_link_leads_to_its_section_or_says_that_there_is_none(tmp_path: 
 async def test_the_stop_works_over_the_manual(show: Show) -> None:
     async with show(story.told("executing"), size=(100, 30)) as (_, pilot, station, _):
         await opened(pilot, "slash", "f9")
-        await settle(pilot, station)
+        await settle(pilot)
         assert station.stopped == 1
 
 

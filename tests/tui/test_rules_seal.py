@@ -8,7 +8,7 @@ from pa_console.schema.rule import RulesSeal
 from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.policies import PolicyScreen
 from tests.tui import story
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, press
 from tests.tui.test_mission import shown
 
 ALTERED = RulesSeal(version="3", content_sha256="ab" * 32, standing="altered", problem="edited")
@@ -21,8 +21,7 @@ def opened_with(seal: RulesSeal) -> list[EventPayload]:
 
 async def test_the_policy_browser_names_version_hash_and_standing(show: Show) -> None:
     async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
-        await pilot.press("f6")
-        await settle(pilot)
+        await press(pilot, "f6")
         assert isinstance(app.screen, PolicyScreen)
         title = str(app.screen.query_one("#policy-title", Static).render())
         assert "site version 3 5ea15ea15ea1 not signed" in title
@@ -56,18 +55,14 @@ async def test_what_must_be_said_of_the_rules_is_in_the_status_bar_and_the_brows
 
 async def test_refused_rules_are_accepted_in_the_browser_only_after_a_question(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, station, _):
-        await pilot.press("f6", "tab", "tab", "tab", "tab")
-        await settle(pilot)
+        await press(pilot, "f6", "tab", "tab", "tab", "tab")
         app.screen.query_one("#policy-list").focus()
-        await pilot.press("a")
-        await settle(pilot)
+        await press(pilot, "a")
         assert not isinstance(app.screen, Confirm)
         station.offered = "not signed, and the set used before is signed"
         for key, accepted in (("enter", 0), ("a", 0), ("y", 1)):
             if key == "enter":
-                await pilot.press("a")
-                await settle(pilot)
+                await press(pilot, "a")
                 assert isinstance(app.screen, Confirm)
-            await pilot.press(key)
-            await settle(pilot)
+            await press(pilot, key)
             assert station.accepted == accepted
