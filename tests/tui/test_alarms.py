@@ -125,14 +125,16 @@ def test_queue_keys_are_legal_only_with_a_queue_and_never_in_a_replay() -> None:
         assert not action.refusal(ActionContext(queue=1))
 
 
-def test_the_key_that_approves_is_no_key_of_the_console() -> None:
+def test_no_key_of_the_console_approves_or_is_tmuxs() -> None:
     keys = {key for action in ACTIONS for key in action.keys.split(",")}
-    assert not keys & {"a", "r", "m"}
+    assert not keys & {"a", "r", "m", "ctrl+b"}
 
 
 async def test_stop_is_one_key_wherever_one_is(show: Show) -> None:
     async with show(living.alarmed()) as (_, pilot, station, _):
-        for count, key in enumerate(("i", "f10", "q", "f6", "f1", "f", "5"), start=1):
+        for count, key in enumerate(
+            ("i", "f10", "q", "f6", "f1", "f", "5", "M", "O", "V"), start=1
+        ):
             await pilot.press("escape", key)
             await pilot.pause()
             await press(pilot, "f9")

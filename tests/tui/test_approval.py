@@ -93,23 +93,6 @@ async def test_a_stray_enter_rejects_and_never_approves(show: Show) -> None:
         assert station.decided == ["reject"]
 
 
-async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(show: Show) -> None:
-    unmet = ("1 drone to WestGate: nobody can be spared",)
-    async with show(story.told("approval", unmet=unmet)) as (app, _, _, _):
-        said = app.screen.query_one("#approval-text", TextRows).render().plain
-        told = "Not done: 1 drone to WestGate, because nobody can be spared"
-        assert told in " ".join(said.split())
-
-
-@pytest.mark.parametrize(("confidence", "told"), [(0.41, True), (0.93, False), (None, False)])
-async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
-    confidence: float | None, told: bool, show: Show
-) -> None:
-    async with show(story.told("approval", confidence=confidence)) as (app, _, _, _):
-        said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert ("Confidence 41%: the order may mean" in " ".join(said.split())) == told
-
-
 READINGS = (
     "asked: 2 drones to EastGate",
     "asked: if track at WestGate: hold, else: report; now: At WestGate: no track, not so",
@@ -150,13 +133,6 @@ async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(show: Show) -> 
         await pilot.click("#approval-readings Button")
         await settle(pilot)
         assert [d.asked for d in station.decisions] == [READINGS[0]]
-
-
-async def test_a_reading_that_the_operator_chose_is_told_as_such(show: Show) -> None:
-    told = story.told("approval", confidence=0.41, as_chosen=True, readings=READINGS)
-    async with show(told) as (app, _, _, _):
-        said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
-        assert said == "✎ read as you meant it: see to the unknown vehicle at NorthGate"
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), SIZE, (160, 50)])

@@ -1,5 +1,7 @@
 """The approval panel says what to know first, and is armed only once all of it was on screen."""
 
+from typing import Any
+
 import pytest
 from textual import events
 from textual._xterm_parser import XTermParser
@@ -9,6 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.approval.inputs import REASON
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.plan_rows import approval_rows, reading_rows
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import Show, press, settle
@@ -70,6 +73,26 @@ async def test_the_title_says_what_to_know_first(
         panel = app.screen.query_one(ApprovalPanel)
         assert panel.border_title == title
         assert ("✔ No rule is broken" in said(panel)) == (title == "✔ Approve")
+
+
+@pytest.mark.parametrize(
+    ("options", "words", "told"),
+    [
+        ({"confidence": 0.41}, "Confidence 41%: the order may mean", True),
+        ({"confidence": 0.93}, "the order may mean", False),
+        ({"confidence": None}, "the order may mean", False),
+        ({"confidence": 0.41, "as_chosen": True, "readings": ("asked: all hold",)},
+         "✎ read as you meant it: see to the unknown vehicle at NorthGate", True),
+    ],
+)  # fmt: skip
+def test_the_panel_says_how_sure_the_reading_is(
+    options: dict[str, Any], words: str, told: bool
+) -> None:
+    trace = story.folded(story.told("approval", **options)).current
+    assert trace is not None
+    rows = (*approval_rows(trace), *reading_rows(trace))
+    said = " ".join((row.lead + row.body).plain for row in rows)
+    assert (words in said) == told
 
 
 async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(show: Show) -> None:

@@ -12,7 +12,6 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.manual import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.rule_rows import rule_rows
@@ -171,12 +170,6 @@ async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path, show:
         assert "M-003" in app.clipboard
 
 
-def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:
-    keys = [key for action in ACTIONS for key in action.keys.split(",")]
-    assert len(keys) == len(set(keys))
-    assert "ctrl+b" not in keys
-
-
 async def test_an_interrupt_does_not_leave_and_says_how_to(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
         for focused in ("escape", "i"):
@@ -191,24 +184,6 @@ async def test_an_interrupt_with_a_selection_copies_it(show: Show) -> None:
         await press(pilot, *"scout", "shift+home", "ctrl+c")
         assert app.clipboard == "scout"
         assert notices(app) == []
-
-
-async def test_an_interrupt_over_another_screen_says_how_to_go_back(show: Show) -> None:
-    async with show(story.opening()) as (app, pilot, _, _):
-        await press(pilot, "f1", "ctrl+c")
-        assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
-
-
-async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(show: Show) -> None:
-    async with show(story.told("planning")) as (app, pilot, station, _):
-        await press(pilot, "ctrl+c")
-        assert notices(app)[-1].endswith(
-            "after a question if a mission or a standing order ends by it"
-        )
-        assert app.session.state.active == story.MISSION.id
-        assert station.cancelled == 0
-        await press(pilot, "ctrl+q")
-        assert isinstance(app.screen, Confirm)
 
 
 async def test_the_footer_leaves_out_a_key_rather_than_cut_it(show: Show) -> None:

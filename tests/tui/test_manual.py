@@ -138,13 +138,6 @@ async def test_a_link_leads_to_its_section_or_says_that_there_is_none(show: Show
         assert (title(screen), marked(screen)) == ("Rules", ["Signing"])
 
 
-async def test_the_stop_works_over_the_manual(show: Show) -> None:
-    async with show(story.told("executing"), size=(100, 30)) as (_, pilot, station, _):
-        await opened(pilot, "slash", "f9")
-        await settle(pilot)
-        assert station.stopped == 1
-
-
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("words", ["", "sign"], ids=["pages", "found"])
 def test_looks(snap_compare: Compare, tmp_path: Path, size: str, words: str) -> None:

@@ -171,9 +171,6 @@ def test_the_map_shows_the_way_the_arrival_with_its_seconds_and_the_cover() -> N
     assert {"ghost", "arrival", "gate-gains", "dimmed"} <= seen
     assert "1→3 D4+6s R1+31s" in text
     assert "gate-loses" not in seen
-
-
-def test_the_map_shows_which_gate_loses_cover() -> None:
     text, seen = roles(lost())
     assert "gate-loses" in seen
     assert "1→0" in text

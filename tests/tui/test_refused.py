@@ -6,7 +6,6 @@ from pa_console.schema.events.event import TelemetryReceived
 from pa_console.session.recording import Player
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story
 from tests.tui.scripted import Show, press, settle
@@ -32,22 +31,6 @@ def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
             assert action.refusal(ActionContext(replay=True, **full))
             assert action.refusal(ActionContext(readonly=True, decides=False, stops=False, **full))
             assert not action.refusal(ActionContext(**full))
-
-
-async def test_replay_plays_steps_and_refuses(show: Show) -> None:
-    player = Player.of(stamped(story.told("finished")))
-    async with show(None, player=player) as (app, pilot, _, _):
-        await press(pilot, "right", "right", "right")
-        assert player.index == 3
-        assert "REPLAY" in str(app.screen.query_one(StatusBar).render())
-        await press(pilot, "left", "n")
-        assert list(player.state.missions) == ["M-003"]
-        await pilot.press("plus", "space")
-        assert player.playing
-        assert player.rate == 2.0
-        await pilot.press("f8", "f9", "S", "i", "f7", "a")
-        assert not app.screen.query("#mission-input")
-        assert not app.screen.query_one(ApprovalPanel).display
 
 
 async def test_replay_plays_on_with_the_clock(show: Show) -> None:

@@ -10,44 +10,31 @@ from tests.tui.site import WORLD, picture
 from tests.tui.test_log_alarm import top_line
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_that_answers_are_slow_because_the_machine_is_busy(
-    show: Show, size: tuple[int, int]
-) -> None:
-    async with show(story.told("approval"), size=size) as (app, pilot, station, _):
-        station.emit(ev.WorkerChanged(state="slow"), mission=None)
-        await settle(pilot)
-        assert "slow, busy machine" in top_line(app)[0]
-        station.emit(ev.WorkerChanged(state="ready"), mission=None)
-        await settle(pilot)
-        assert "slow" not in top_line(app)[0]
+def server(state: str) -> ev.EventPayload:
+    """The state of a server that the planner's model is on."""
+    named = {"server": "openai:http://127.0.0.1/v1#m", "serves": ("planner",), "state": state}
+    return ev.ServerChanged.model_validate(named)
+
+
+SAYS = (
+    (ev.WorkerChanged(state="slow"), "slow, busy machine"),
+    (ev.WorkerChanged(state="unconfined", detail="no Landlock"), "model △ not confined"),
+    (ev.WorkerChanged(state="ready"), ""),
+    (server("ready"), "server ● ready"),
+    (server("unconstrained"), "server △ not constrained"),
+    (server("away"), "server ✘ away"),
+)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_that_the_process_of_the_model_is_not_confined(
-    size: tuple[int, int], show: Show
-) -> None:
-    async with show(story.told("approval"), size=size) as (app, pilot, station, _):
-        station.emit(ev.WorkerChanged(state="unconfined", detail="no Landlock"), mission=None)
-        await settle(pilot)
-        assert "model △ not confined" in top_line(app)[0]
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
-    show: Show, size: tuple[int, int]
-) -> None:
+async def test_it_says_what_the_model_and_its_server_do(size: tuple[int, int], show: Show) -> None:
     async with show(story.told("approval"), size=size) as (app, pilot, station, _):
         assert "server" not in top_line(app)[0]
-        for state, word in (
-            ("ready", "server ● ready"),
-            ("unconstrained", "server △ not constrained"),
-            ("away", "server ✘ away"),
-        ):
-            changed = {"server": "openai:http://127.0.0.1/v1#m", "serves": ("planner",)}
-            station.emit(ev.ServerChanged.model_validate({**changed, "state": state}), mission=None)
+        for payload, words in SAYS:
+            station.emit(payload, mission=None)
             await settle(pilot)
-            assert word in top_line(app)[0]
+            line = top_line(app)[0]
+            assert words in line if words else "slow" not in line
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])

@@ -8,7 +8,7 @@ from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.widgets.alarms import AlarmBar
 from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import living, story
-from tests.tui.scripted import ScriptedStation, Show, notices, press
+from tests.tui.scripted import Show, notices, press
 
 
 async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(show: Show) -> None:
@@ -40,15 +40,6 @@ async def test_whoever_stops_everything_is_told_how_to_release_it(show: Show) ->
     async with show(story.opening()) as (app, pilot, _, _):
         await press(pilot, "f9")
         assert any("release the stop (^l)" in text for text in notices(app))
-
-
-async def test_a_refused_mission_stays_in_its_field(show: Show) -> None:
-    station = ScriptedStation(living.stopped())
-    station.refuse = "everything is stopped"
-    async with show(station) as (app, pilot, station, _):
-        await press(pilot, "i", "g", "o", "enter")
-        assert not station.submitted
-        assert any("everything is stopped" in text for text in notices(app))
 
 
 def test_the_way_to_safety_is_told_before_anybody_approves() -> None:

@@ -68,24 +68,6 @@ async def test_prose_at_the_approval_is_the_reason_and_decides_nothing(
         assert missing == "" if gap < TEXT_S else len(missing) < 3
 
 
-async def test_approve_without_the_reason_that_it_needs_goes_to_the_reason(show: Show) -> None:
-    async with show(story.told("approval", verdict="Failure"), keys_by_clock=True) as (
-        app,
-        pilot,
-        station,
-        clock,
-    ):
-        clock.now += ARM_DELAY_S
-        await pilot.press("a")
-        assert app.screen.query_one("#approval-reason", Input).has_focus
-        clock.now += 2.0
-        await Typist(pilot, clock).types("seen\n")
-        clock.now += 2.0
-        await Typist(pilot, clock).types("a\n")
-        await settle(pilot)
-        assert [(made.kind, made.reason) for made in station.decisions] == [("approve", "seen")]
-
-
 async def test_a_letter_goes_to_its_button_and_enter_presses_it(show: Show) -> None:
     async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
