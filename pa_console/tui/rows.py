@@ -7,6 +7,7 @@ from typing import cast
 from textual.content import Content
 
 from pa_console.schema.text import visible
+from pa_console.tui.status_words import QUIET
 
 Part = str | tuple[str, str] | Content
 
@@ -67,6 +68,11 @@ def column(text: str, width: int, style: str = "") -> tuple[str, str]:
     """Return `text` cut or padded to `width` cells and one more, for the lead of a row."""
     cut = text if len(text) <= width else text[: width - 1] + "…"
     return f"{cut:<{width}} ", style
+
+
+def fact(name: str, *body: Part, width: int = 9) -> WrappedRow:
+    """Return a row with the name of a fact in front of it."""
+    return row(column(name, width, QUIET), *body)
 
 
 def layout(rows: Sequence[WrappedRow], width: int) -> list[Content]:

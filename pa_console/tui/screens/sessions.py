@@ -21,7 +21,7 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared, open_log
-from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.rows import WrappedRow, fact, row
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.list_screen import ListScreen
@@ -94,28 +94,24 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Wr
     never = "not yet" if running else "its log was never closed"
     ended = never if summary.ending == "open" else summary.reason
     rows = [
-        _line("session", f"{summary.session}, {clock_text(summary.length_s)} long"),
-        _line("world", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
-        _line("scenario", summary.scenario or "none"),
-        _line("model", summary.model),
-        _line("ended", ended),
+        fact("session", f"{summary.session}, {clock_text(summary.length_s)} long"),
+        fact("world", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
+        fact("scenario", summary.scenario or "none"),
+        fact("model", summary.model),
+        fact("ended", ended),
     ]
     if standing is not None:
         mark = term("log", standing.standing)
         told = f": {standing.detail}" if standing.detail else ""
-        rows.append(row([("log       ", QUIET)], mark.content, told))
+        rows.append(fact("log", mark.content, told))
     for mission in summary.missions:
         mark = term("mission", mission.status or "open")
-        rows.append(row([("mission   ", QUIET)], (f"{mission.id} ", "bold"), mark.content,
+        rows.append(fact("mission", (f"{mission.id} ", "bold"), mark.content,
                         f"  {mission.origin}{mission.said}"))  # fmt: skip
         if mission.reason:
             rows.append(row("            ", (mission.reason, QUIET)))
-    rows.append(_line("file", str(summary.log)))
+    rows.append(fact("file", str(summary.log)))
     return tuple(rows)
-
-
-def _line(name: str, text: str) -> WrappedRow:
-    return row([(f"{name:<10}", QUIET)], text)
 
 
 class SessionsScreen(ListScreen[SessionRows]):

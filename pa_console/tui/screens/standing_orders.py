@@ -14,7 +14,7 @@ from pa_console.schema.text import clock_text, count
 from pa_console.session.state import SessionState, StandingTrace
 from pa_console.tui.approval.plan_rows import order_rows
 from pa_console.tui.refresh import is_open
-from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.rows import WrappedRow, fact, row
 from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
@@ -73,20 +73,20 @@ class StandingRows(PointedRows[StandingTrace]):
                 "", ("Type one as a mission: Whenever a drone is below 20 %, relieve it.", "")
             )
             return
-        yield row(("typed     ", QUIET), trace.order.text)
+        yield fact("typed", trace.order.text)
         yield from order_rows(trace.order)
-        yield row(("approved  ", QUIET), f"by {trace.by}, {self._when(trace.since_tick)}")
+        yield fact("approved", f"by {trace.by}, {self._when(trace.since_tick)}")
         if trace.in_force and trace.next is not None:
-            yield row(("next      ", QUIET), self.following(trace) or "none")
+            yield fact("next", self.following(trace) or "none")
         if trace.ended:
-            yield row(("over      ", QUIET), (trace.ended, BAD))
+            yield fact("over", (trace.ended, BAD))
         for start in reversed(trace.starts):
             about = f" for {start.subject}" * bool(start.subject)
             told = f"{start.mission}{about}, {self._when(start.tick)}"
-            yield row(("started   ", QUIET), told)
+            yield fact("started", told)
         if trace.withheld is not None:
             about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
-            yield row(("not       ", QUIET), (f"{about}{trace.withheld.reason}", WARN))
+            yield fact("not", (f"{about}{trace.withheld.reason}", WARN))
 
     def following(self, trace: StandingTrace) -> str:
         """Return the next moment of an order and its countdown, '' for none."""
