@@ -85,14 +85,6 @@ async def test_a_click_before_the_delay_does_nothing(show: Show) -> None:
         assert station.decisions == []
 
 
-async def test_a_stray_enter_rejects_and_never_approves(show: Show) -> None:
-    async with show(story.told("approval")) as (app, pilot, station, clock):
-        assert app.screen.query_one("#reject", Button).has_focus
-        clock.now += ARM_DELAY_S
-        await press(pilot, "enter")
-        assert station.decided == ["reject"]
-
-
 READINGS = (
     "asked: 2 drones to EastGate",
     "asked: if track at WestGate: hold, else: report; now: At WestGate: no track, not so",
@@ -154,19 +146,25 @@ async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
             assert panel.contains_region(widget.region)
 
 
-async def test_without_other_readings_a_number_is_the_key_of_a_view(show: Show) -> None:
-    async with show(story.told("approval")) as (app, pilot, station, clock):
+@pytest.mark.parametrize(
+    ("verdict", "keys", "decided"),
+    [
+        ("Success", ("enter",), [("reject", "")]),
+        ("Success", ("a", "enter", "enter", "r", "enter"), [("approve", "")]),
+        ("Success", ("2",), []),
+        ("Failure", ("f7", "tab", "tab", *"seen", "enter", "a", "enter"), [("approve", "seen")]),
+        ("Failure", ("f7", "shift+tab", *"seen", "enter", "a", "enter"), [("approve", "seen")]),
+    ],
+    ids=["a stray Enter", "once", "the key of a view", "Tab to the reason", "Tab back to it"],
+)
+async def test_keys_decide_what_they_say(
+    verdict: str, keys: tuple[str, ...], decided: list[tuple[str, str]], show: Show
+) -> None:
+    async with show(story.told("approval", verdict=verdict)) as (app, pilot, station, clock):
+        assert app.screen.query_one("#reject", Button).has_focus
         clock.now += ARM_DELAY_S
-        await press(pilot, "2")
-        assert station.decisions == []
-        assert not app.screen.query_one("#reject", Button).has_focus
-
-
-async def test_a_second_key_does_not_decide_twice(show: Show) -> None:
-    async with show(story.told("approval")) as (_, pilot, station, clock):
-        clock.now += ARM_DELAY_S
-        await press(pilot, "a", "enter", "enter", "r", "enter")
-        assert len(station.decisions) == 1
+        await press(pilot, *keys)
+        assert [(each.kind, each.reason) for each in station.decisions] == decided
 
 
 async def test_who_is_typing_keeps_the_keys(show: Show) -> None:
@@ -243,14 +241,6 @@ async def test_warnings_must_be_ticked(show: Show) -> None:
         assert panel.border_title == "△ Breaks a Medium rule", "it is no other plan once decided"
         await settle(pilot)
         assert station.decisions[0].acknowledged == ("CAP-04",)
-
-
-@pytest.mark.parametrize("keys", [("tab", "tab"), ("shift+tab",)])
-async def test_tab_goes_round_in_the_panel_to_the_reason(keys: tuple[str, ...], show: Show) -> None:
-    async with show(story.told("approval", verdict="Failure")) as (_, pilot, station, clock):
-        clock.now += ARM_DELAY_S
-        await press(pilot, "f7", *keys, *"seen", "enter", "a", "enter")
-        assert [(each.kind, each.reason) for each in station.decisions] == [("approve", "seen")]
 
 
 async def test_reject_carries_the_reason(show: Show) -> None:
