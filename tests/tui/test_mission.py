@@ -175,7 +175,8 @@ async def test_cancel_reaches_the_station_at_once(show: Show) -> None:
 
 
 async def test_a_broken_stream_leaves_the_console_usable(show: Show) -> None:
-    async with show(story.told("planning"), broken="the link is gone") as (app, pilot, station, _):
+    broken = ScriptedStation(story.told("planning"), broken="the link is gone")
+    async with show(broken) as (app, pilot, station, _):
         station.end()
         await settle(pilot)
         assert sum("the link is gone" in text for text in notices(app)) == 1
