@@ -172,7 +172,7 @@ async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> 
         option = listing(app).get_option_at_index(1)
         assert "✎WF-03" in str(option.prompt)
         await pilot.press("e")
-        await until(pilot, lambda: isinstance(app.screen, RuleEditor))
+        await until(pilot, lambda: app.screen.query("#rule-text"))
         again = app.screen
         assert isinstance(again, RuleEditor)
         assert "priority: medium" in again.text
