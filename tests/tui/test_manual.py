@@ -11,7 +11,7 @@ from textual.widgets import Input, Markdown, OptionList
 from pa_console.manual_pages import Manual, load_manual, read_page
 from pa_console.tui.screens.manual import HelpScreen, ManualScreen
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, notices, settle, until
+from tests.tui.scripted import ScriptedStation, Show, console, notices, press, settle, until
 
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
 FILLING = "\n\n".join(f"Paragraph {number} says little." for number in range(40))
@@ -104,7 +104,7 @@ async def test_the_page_at_the_pointer_is_shown(show: Show) -> None:
         await pilot.press("down", "down")
         await shown(pilot, screen)
         assert title(screen) == "Console"
-        await pilot.press("enter")
+        await press(pilot, "enter")
         assert screen.focused is screen.query_one("#manual-page")
 
 
