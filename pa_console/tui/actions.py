@@ -15,27 +15,38 @@ from pa_console.language.references.resolution import MOST_CHOICES
 from pa_console.schema.events.event import MOST_READINGS
 
 Need = Literal[
-    "live",
-    "replay",
-    "writable",
-    "types",
-    "decides",
-    "stops",
-    "agents",
-    "commander",
-    "mission",
-    "idle_trace",
-    "approval",
-    "alarm",
-    "unseen",
-    "queue",
-    "undecided",
-    "stopped",
-    "left",
-]
+    "live", "replay", "writable", "types", "decides", "stops", "agents", "commander", "mission",
+    "idle_trace", "approval", "alarm", "unseen", "queue", "undecided", "stopped", "left",
+]  # fmt: skip
 Group = Literal[
     "Mission", "Safety", "Alarms", "Queue", "View", "Map", "Copy", "Simulation", "Replay", "Console"
 ]  # fmt: skip
+
+_COMMAND: tuple[Need, ...] = ("live", "writable")
+GROUPS: tuple[Group, ...] = get_args(Group)
+READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
+"""The keys of the other readings of an order, or of answers, at the approval panel."""
+
+ALT_DIGITS = (
+    "inverted_exclamation_mark",
+    "trade_mark_sign",
+    "pound_sign",
+    "cent_sign",
+    "infinity",
+    "section_sign",
+)
+"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
+
+_PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
+"""The keys of the approval panel, which a recording does not have."""
+
+RESERVED = {
+    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
+    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
+    "ctrl+c": "the terminal's own interrupt",
+}
+_MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
+_NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
 
 
 @dataclass(frozen=True)
@@ -81,7 +92,8 @@ class ConsoleAction:
     """An action of the operator.
 
     `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas. HANDLERS in `controllers.controllers` has its controller.
+    names separated by commas. The tables in
+    `pa_console.tui.controllers.controllers` have what carries it out.
     """
 
     id: str
@@ -155,8 +167,6 @@ def _refusal(need: Need, now: ActionContext) -> str:
     }[need]
     return "" if legal else why
 
-
-_COMMAND: tuple[Need, ...] = ("live", "writable")
 
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction(
@@ -322,7 +332,6 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   confirmed=True, words="exit end session"),
 )  # fmt: skip
 
-GROUPS: tuple[Group, ...] = get_args(Group)
 
 _BY_ID = {action.id: action for action in ACTIONS}
 _BY_CALL = {action.action: action for action in ACTIONS}
@@ -384,23 +393,6 @@ def key_text(keys: str) -> str:
     return " ".join(parts)
 
 
-READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
-"""The keys of the other readings of an order, or of answers, at the approval panel."""
-
-ALT_DIGITS = (
-    "inverted_exclamation_mark",
-    "trade_mark_sign",
-    "pound_sign",
-    "cent_sign",
-    "infinity",
-    "section_sign",
-)
-"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
-
-_PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
-"""The keys of the approval panel, which a recording does not have."""
-
-
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:
     """Return the name of the command that `key` gives in a live session; empty if it gives none."""
     for action in ACTIONS:
@@ -408,15 +400,6 @@ def refused_command(key: str, keymap: Mapping[str, str]) -> str:
         if "live" in action.needs and key in keys:
             return action.label
     return _PANEL.get(key, "")
-
-
-RESERVED = {
-    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
-    "ctrl+c": "the terminal's own interrupt",
-}
-_MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
-_NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
 
 
 class KeymapError(ValueError):

@@ -28,9 +28,8 @@ from pa_console.tui.controllers.browsing import BrowsingController
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.composing import ComposingController, Favourites, favourites_file
 from pa_console.tui.controllers.console_session import ConsoleSession
-from pa_console.tui.controllers.controllers import HANDLERS, ConsoleCommands, Controllers
+from pa_console.tui.controllers.controllers import ConsoleCommands, Controllers
 from pa_console.tui.controllers.leaving import LeavingController
-from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.session_feed import SessionFeed
 from pa_console.tui.controllers.settings import SettingsController
@@ -47,6 +46,8 @@ from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.waiting import Waiting
 
+READ_ONLY = "READ-ONLY: every command is refused"
+
 
 class VisibleLines(LineFilter):
     """Shows characters that would be obeyed or not be seen as escapes; a line stays as wide."""
@@ -58,9 +59,6 @@ class VisibleLines(LineFilter):
         if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
             return segments
         return Segment.adjust_line_length(shown, Segment.get_line_length(segments))
-
-
-READ_ONLY = "READ-ONLY: every command is refused"
 
 
 def closed_by(joined: JoinedTo) -> str:
@@ -132,9 +130,9 @@ class ConsoleApp(App[None]):
         self.session = session = ConsoleSession(
             self, world, station, player, readonly=readonly, clock=clock, joined=joined, last=last
         )
-        self.feed = SessionFeed(session, self._painted, Waiting(usual))
         user = SettingsController(session, settings or load_settings())
         rules = RulesController(session, rulebook, retriever, rules_file, drafts)
+        self.feed = SessionFeed(session, Waiting(usual), rules.take, self._painted)
         commands = CommandController(session, self.feed)
         self._log_alarm = LogAlarmController(session)
         self._attention = AttentionController(session, user, to_terminal or self._to_terminal)
@@ -144,9 +142,9 @@ class ConsoleApp(App[None]):
         self._questions = QuestionController(session, commands, approval)
         kept = Favourites(favourites or favourites_file())
         self.controllers = Controllers(
+            session,
             browsing=browsing,
             composing=ComposingController(session, browsing, commands, user, kept),
-            replay=ReplayController(session),
             commands=commands,
             approval=approval,
             rules=rules,
@@ -207,8 +205,8 @@ class ConsoleApp(App[None]):
         await super().on_event(event)
 
     def action_carry_out(self, name: str) -> None:
-        """Let its controller carry out the action with the id `name`."""
-        HANDLERS[name](self.controllers)
+        """Carry out the action with the id `name`."""
+        self.controllers.carry_out(name)
 
     def action_help_quit(self) -> None:
         """Show how to leave; `^c` copies the selection and never leaves."""
@@ -283,15 +281,6 @@ class ConsoleApp(App[None]):
 
     # What arrives
 
-    @on(SessionFeed.EventReceived)
-    def _received(self, message: SessionFeed.EventReceived) -> None:
-        self.feed.take(message.event)
-        self.controllers.rules.take(message.event)
-
-    @on(SessionFeed.StreamEnded)
-    def _stream_ended(self, message: SessionFeed.StreamEnded) -> None:
-        self.feed.end(message.problem)
-
     @on(VirtualRows.RowChosen)
     def _row_chosen(self, message: VirtualRows.RowChosen) -> None:
         self.controllers.composing.row_chosen(message)
@@ -312,17 +301,16 @@ class ConsoleApp(App[None]):
     def _decided(self, message: ApprovalPanel.Decided) -> None:
         self.controllers.approval.decide(message.decision)
 
-    @on(ApprovalPanel.CompareAsked)
-    def _compare_asked(self) -> None:
-        self.controllers.approval.compare()
-
     @on(ApprovalPanel.LookedAt)
     def _looked_at(self, message: ApprovalPanel.LookedAt) -> None:
         self.controllers.approval.look_at(message.asked)
 
-    @on(ApprovalPanel.ModifyAsked)
-    def _modify_asked(self) -> None:
-        self.controllers.approval.modify()
+    @on(ApprovalPanel.Asked)
+    def _asked(self, message: ApprovalPanel.Asked) -> None:
+        if message.what == "modify":
+            self.controllers.approval.modify()
+        else:
+            self.controllers.approval.compare()
 
 
 def comparison(a: OpenedLog, b: OpenedLog) -> Opening:

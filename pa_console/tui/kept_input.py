@@ -17,6 +17,9 @@ from pa_console.schema.text import visible
 KeptDraft = tuple[OpenRule, str]
 _SHAPE = TypeAdapter(dict[str, KeptDraft])
 
+HISTORY_KEPT = 200
+_WRITTEN = re.compile(r"\\([\\n])")
+
 
 class Drafts(dict[str, KeptDraft]):
     """Drafts of one rule file by rule id, '' for a new rule; a disk that refuses is no error."""
@@ -51,9 +54,6 @@ class Drafts(dict[str, KeptDraft]):
                 return
             make_private_folder(self._file.parent)
             replace_private(self._file, _SHAPE.dump_json(dict(self)))
-
-
-HISTORY_KEPT = 200
 
 
 def history_file() -> Path:
@@ -105,9 +105,6 @@ class History:
             self._draft = current
         self._at = max(0, min(len(self._texts), self._at + by))
         return self._texts[self._at] if self._at < len(self._texts) else self._draft
-
-
-_WRITTEN = re.compile(r"\\([\\n])")
 
 
 def _written(text: str) -> str:

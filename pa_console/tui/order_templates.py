@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import cycle
 from typing import NamedTuple
 
 from pa_console.language.name_linking import WORD
@@ -9,6 +10,14 @@ from pa_console.schema.command import COMMANDS, Verb
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 
 _SLOT = re.compile(r"\{([a-z]+)\}")
+
+LEAST_TYPED = 2
+"""The number of letters that begin a name; fewer begin too many other words."""
+
+MOST_EXAMPLES = 4
+
+_LAST_WORD = re.compile(r"\w+$")
+_LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
 
 
 class Slot(NamedTuple):
@@ -69,13 +78,6 @@ def templates(world: World) -> list[str]:
             slot = "asset" if able == kinds else PLAIN_KINDS[min(able, key=KINDS.index)]
             found.append(form.text.replace("{asset}", f"{{{slot}}}"))
     return found
-
-
-LEAST_TYPED = 2
-"""The number of letters that begin a name; fewer begin too many other words."""
-
-_LAST_WORD = re.compile(r"\w+$")
-_LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
 
 
 class Completion(NamedTuple):
@@ -143,3 +145,32 @@ class OrderNames:
             if found := tuple(typed + name[len(typed) :] for name in longer):
                 return Completion(typed, found)
         return None
+
+
+def example_orders(world: World) -> tuple[str, ...]:
+    """Return up to four orders, each with another gate as long as there are others.
+
+    The assets in them are spare ones where there are any: no gate is their post.
+    """
+    gates = cycle(world.gates)
+    orders: list[str] = []
+    if drone := _spare(world, ("uav",)):
+        orders.append(f"Send {drone} to look at {next(gates)}.")
+    if walker := _spare(world, ("ugv", "robot")):
+        orders.append(f"Send {walker} to {next(gates)}.")
+    orders.append(f"Report on {next(gates)}.")
+    if robot := _spare(world, ("robot", "ugv", "uav")):
+        orders.append(f"Send {robot} home.")
+    return tuple(orders[:MOST_EXAMPLES])
+
+
+def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
+    """Return an asset of the first kind that there is; empty without any."""
+    return next(_by_choice(world, kinds), "")
+
+
+def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
+    for kind in kinds:
+        own = [name for name, spec in world.assets.items() if spec.kind == kind]
+        yield from (name for name in own if world.assets[name].post not in world.gates)
+        yield from own

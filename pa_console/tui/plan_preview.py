@@ -21,6 +21,12 @@ from pa_console.tui.surroundings import SecondsClock
 MOVED_M = 1.0
 """An asset that ends within this distance of its start has not moved, metres."""
 
+LONGEST_S = 8.0
+"""The longest time that a rehearsal is played, seconds."""
+
+STAYS_S = 1.5
+"""The time that its end is shown, seconds."""
+
 
 @dataclass(frozen=True)
 class CoverChange:
@@ -213,13 +219,6 @@ def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
         if time_s < to_s or to_s == way[-1][0]:
             return degrees(atan2(far_y - y, far_x - x))
     return 0.0
-
-
-LONGEST_S = 8.0
-"""The longest time that a rehearsal is played, seconds."""
-
-STAYS_S = 1.5
-"""The time that its end is shown, seconds."""
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,14 @@ from typing import cast
 from textual.content import Content
 
 from pa_console.schema.text import visible
+from pa_console.tui.status_words import QUIET
 
 Part = str | tuple[str, str] | Content
 
 LEAST_BODY = 12
+
+GAP = "  "
+"""The separator between two phrases."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +48,6 @@ def row(lead: Sequence[Part] | Part = "", *body: Part) -> WrappedRow:
     return WrappedRow(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
 
 
-GAP = "  "
-"""The separator between two phrases."""
-
-
 def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> WrappedRow:
     """Build a row of phrases that are not broken where they fit on a line."""
     parts = tuple(Content.assemble(_seen(part)) for part in phrases)
@@ -68,6 +68,11 @@ def column(text: str, width: int, style: str = "") -> tuple[str, str]:
     """Return `text` cut or padded to `width` cells and one more, for the lead of a row."""
     cut = text if len(text) <= width else text[: width - 1] + "…"
     return f"{cut:<{width}} ", style
+
+
+def fact(name: str, *body: Part, width: int = 9) -> WrappedRow:
+    """Return a row with the name of a fact in front of it."""
+    return row(column(name, width, QUIET), *body)
 
 
 def layout(rows: Sequence[WrappedRow], width: int) -> list[Content]:

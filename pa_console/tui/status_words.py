@@ -26,6 +26,10 @@ STYLES: dict[Tone, str] = {
     "note": NOTE,
 }
 
+KIND_WORDS: dict[AssetKind, str] = {"uav": "UAV", "ugv": "UGV", "robot": "ground robot"}
+FINE = 9
+"""The rank of a thing without trouble; lower is more urgent."""
+
 
 class Term(NamedTuple):
     """The presentation of one status everywhere."""
@@ -53,9 +57,6 @@ def term(family: str, value: str) -> Term:
 
 TERMS = {name: term(*name.split(".", 1)) for name in STATUSES}
 """Every status word, for a page that explains them."""
-
-
-KIND_WORDS: dict[AssetKind, str] = {"uav": "UAV", "ugv": "UGV", "robot": "ground robot"}
 
 
 def short_names(names: Iterable[str]) -> dict[str, str]:
@@ -89,10 +90,6 @@ def track_names(names: Iterable[str]) -> dict[str, str]:
     if all(numbers) and len(set(numbers)) == len(numbers):
         return dict(zip(names, numbers, strict=True))
     return {name: str(place) for place, name in enumerate(names, start=1)}
-
-
-FINE = 9
-"""The rank of a thing without trouble; lower is more urgent."""
 
 
 class Reliance:

@@ -19,6 +19,8 @@ from textual.screen import Screen
 
 from pa_console.schema.document import DocumentError, read_text
 
+NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
+
 
 def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
     """Call `do` from a thread of its own once the other end of the file `terminal` is gone.
@@ -33,9 +35,6 @@ def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
         do()
 
     Thread(target=wait, name="hangup", daemon=True).start()
-
-
-NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
 
 
 def editor_command() -> list[str]:

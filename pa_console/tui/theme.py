@@ -92,6 +92,26 @@ FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
 _STEP = 0.04
 _BLACK, _WHITE = Color.parse("#000000"), Color.parse("#ffffff")
 
+_NO_BADGE = {f"badge-{name}": "ansi_default" for name in BADGES}
+_ANSI = {
+    True: {
+        **_NO_BADGE,
+        "text-primary": "ansi_bright_cyan", "text-success": "ansi_bright_green",
+        "text-warning": "ansi_bright_yellow", "text-error": "ansi_bright_red",
+        "text-accent": "ansi_bright_magenta", "quiet": "ansi_white",
+        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
+        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_black",
+    },
+    False: {
+        **_NO_BADGE,
+        "text-primary": "ansi_blue", "text-success": "ansi_default", "text-warning": "ansi_magenta",
+        "text-error": "ansi_red", "text-accent": "ansi_magenta", "quiet": "ansi_default",
+        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
+        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_bright_white",
+    },
+}  # fmt: skip
+"""Variables of the themes that use the terminal's own colours, by whether they are dark."""
+
 
 def luminance(colour: Color) -> float:
     """Return the relative luminance of a colour, 0 to 1, as WCAG 2 defines it."""
@@ -146,24 +166,3 @@ def _readable(text: Color, grounds: Iterable[Color], *, dark: bool) -> Color:
         (each for each in candidates if min(contrast(each, ground) for ground in grounds) >= LEAST),
         end,
     )
-
-
-_NO_BADGE = {f"badge-{name}": "ansi_default" for name in BADGES}
-_ANSI = {
-    True: {
-        **_NO_BADGE,
-        "text-primary": "ansi_bright_cyan", "text-success": "ansi_bright_green",
-        "text-warning": "ansi_bright_yellow", "text-error": "ansi_bright_red",
-        "text-accent": "ansi_bright_magenta", "quiet": "ansi_white",
-        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
-        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_black",
-    },
-    False: {
-        **_NO_BADGE,
-        "text-primary": "ansi_blue", "text-success": "ansi_default", "text-warning": "ansi_magenta",
-        "text-error": "ansi_red", "text-accent": "ansi_magenta", "quiet": "ansi_default",
-        "on-primary": "ansi_bright_white", "on-success": "ansi_black", "on-warning": "ansi_black",
-        "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_bright_white",
-    },
-}  # fmt: skip
-"""Variables of the themes that use the terminal's own colours, by whether they are dark."""

@@ -274,13 +274,13 @@ async def test_no_pane_shows_it_raw(step: str, tmp_path: Path) -> None:
     app = console(station, tmp_path)
     seen: list[str] = []
     async with app.run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+        await settle(pilot)
         for keys in (("f4",), ("f5",), ("f3",), ("f2",), ("f1",), ("escape",), ("f6",)):
             await pilot.press(*keys)
-            await settle(pilot, station)
+            await settle(pilot)
             seen += [await drawn(app), app.export_screenshot(title="own")]
         app.notify(PAYLOAD, title=PAYLOAD, markup=False)
-        await settle(pilot, station)
+        await settle(pilot)
         seen.append(await drawn(app))
     assert not [found for text in seen for found in raw(text)]
     assert any(SHOWN.search(text) for text in seen)

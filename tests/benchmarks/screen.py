@@ -263,7 +263,7 @@ async def _console(site: Site, weights: LocalModel) -> "AsyncGenerator[ConsoleAp
 
 
 async def _scenes(app: "ConsoleApp", site: Site, seconds: float, name: str) -> list[LoopBlocks]:
-    from pa_console.tui.widgets.mission_prompt import example_orders  # noqa: PLC0415 - with the screen
+    from pa_console.tui.order_templates import example_orders  # noqa: PLC0415 - with the screen
 
     async with LoopWatch(f"idle{name}") as idle:
         await asyncio.sleep(seconds)

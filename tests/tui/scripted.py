@@ -276,6 +276,11 @@ class ScriptedStation:
         """Return a reading of any order."""
         return f"reads as: {text}"
 
+    @property
+    def decided(self) -> list[str]:
+        """The kinds of all decisions, in their order."""
+        return [decision.kind for decision in self.decisions]
+
     def _refuse(self) -> None:
         if self.refuse:
             raise ValueError(self.refuse)
@@ -321,13 +326,14 @@ def console(
     return app
 
 
-async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> None:
+async def settle(pilot: Pilot[Any]) -> None:
     """Wait until every event was taken, folded and painted; never for a fixed time."""
     app = pilot.app
     assert isinstance(app, ConsoleApp)
+    station = app.session.station
     for _ in range(200):
         await pilot.pause()
-        if station is None or station.drained:
+        if not isinstance(station, ScriptedStation) or station.drained:
             break
     folded = asyncio.Event()
     app.call_later(folded.set)  # behind every event in the application's queue
@@ -336,6 +342,12 @@ async def settle(pilot: Pilot[Any], station: ScriptedStation | None = None) -> N
     for _ in range(LAYOUTS):
         await pilot.pause()
     paint(app)
+
+
+async def press(pilot: Pilot[Any], *keys: str) -> None:
+    """Press keys one after the other, and wait until all is settled."""
+    await pilot.press(*keys)
+    await settle(pilot)
 
 
 async def until(pilot: Pilot[Any], done: Callable[[], object]) -> None:
@@ -386,5 +398,5 @@ class Show:
             options["key_time"] = lambda _key: moving.now  # pyright: ignore
         app = console(station, self._folder, moving, **options)
         async with app.run_test(size=size) as pilot:
-            await settle(pilot, station)
+            await settle(pilot)
             yield Opened(app, pilot, station or ScriptedStation(), moving)

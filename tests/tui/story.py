@@ -12,6 +12,7 @@ from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import AssetTimeline, GateTimeline, Motion, Rehearsal, Timeline
 from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Picture
+from pa_console.session.state import SessionState
 from tests.tui.site import DIGEST, RULES, WORLD, picture, track
 
 START = datetime(2026, 3, 1, 9, 30, tzinfo=UTC)
@@ -326,3 +327,11 @@ def stamped(payloads: list[ev.EventPayload]) -> Iterator[ev.Event]:
             mission=MISSION.id if seen and not session_wide else None,
             data=data,
         )
+
+
+def folded(payloads: list[ev.EventPayload]) -> SessionState:
+    """The session after these payloads."""
+    state = SessionState()
+    for event in stamped(payloads):
+        state.apply(event)
+    return state

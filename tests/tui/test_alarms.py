@@ -1,35 +1,24 @@
 """Alarms and the queue: always in sight, acknowledged and reordered from the keyboard."""
 
-from pathlib import Path
-
 import pytest
 
 from pa_console.schema.events import event as ev
-from pa_console.session.state import SessionState
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane, summary
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
+from pa_console.tui.widgets.row_views import EventList
 from tests.tui import living, story
-from tests.tui.scripted import ScriptedStation, Show, console, settle
-from tests.tui.story import stamped
-from tests.tui.test_mission import shown, told
+from tests.tui.scripted import ScriptedStation, Show, notices, press, settle
+from tests.tui.test_mission import shown
 
 SIZE = (120, 36)
 SMALL = (80, 24)
 QUEUE_KEYS = ("u", "d", "z", "x")
 
 
-def state(payloads: list[ev.EventPayload]) -> SessionState:
-    result = SessionState()
-    for event in stamped(payloads):
-        result.apply(event)
-    return result
-
-
 @pytest.mark.parametrize("width", [60, 80, 120])
 def test_the_count_the_worst_alarm_and_the_queue_are_always_named(width: int) -> None:
-    text = summary(state(living.alarmed()), width).plain
+    text = summary(story.folded(living.alarmed()), width).plain
     for words in ("■ 3 alarms, 2 NEW", "EMERGENCY", "queue 2"):
         assert words in text
     assert len(text) <= width
@@ -37,17 +26,15 @@ def test_the_count_the_worst_alarm_and_the_queue_are_always_named(width: int) ->
 
 
 def test_without_alarms_the_bar_says_so() -> None:
-    text = summary(state(story.opening()), 80).plain
+    text = summary(story.folded(story.opening()), 80).plain
     assert "no alarm" in text
     assert "clear" in text
 
 
 async def test_acknowledge_takes_the_worst_new_alarm_then_the_next(show: Show) -> None:
     async with show(living.alarmed()) as (app, pilot, station, _):
-        await pilot.press("escape", "k", "enter")
-        await settle(pilot, station)
-        await pilot.press("k", "enter")
-        await settle(pilot, station)
+        await press(pilot, "escape", "k", "enter")
+        await press(pilot, "k", "enter")
         assert station.acknowledged == [living.HOSTILE.id, living.UNKNOWN.id]
         await pilot.press("k", "enter")
         assert len(station.acknowledged) == 2
@@ -64,7 +51,7 @@ async def test_a_new_emergency_does_not_take_the_pointer_from_the_operator(show:
         await pilot.press("escape", "j")
         before = app.screen.query_one(AlarmPane).cursor
         station.emit(ev.AlarmRaised(alarm=living.HOSTILE), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.screen.query_one(AlarmPane).cursor == before
         await pilot.press("k", "enter")
         assert station.acknowledged == [before.removeprefix("alarm:")]
@@ -87,30 +74,23 @@ async def test_queue_keys_reach_the_mission_at_the_pointer(show: Show) -> None:
 
 @pytest.mark.parametrize("size", [SIZE, SMALL])
 async def test_the_first_key_only_shows_what_it_would_be_about(
-    tmp_path: Path, size: tuple[int, int]
+    show: Show, size: tuple[int, int]
 ) -> None:
-    station = ScriptedStation(living.alarmed())
-    app = console(station, tmp_path)
-    async with app.run_test(size=size, notifications=True) as pilot:
-        await settle(pilot, station)
-        await pilot.press("escape", "x", "enter")
-        await settle(pilot)
+    async with show(living.alarmed(), size=size) as (app, pilot, station, _):
+        await press(pilot, "escape", "x", "enter")
         assert station.withdrawn == []
-        assert told(app, "M-004") == 1
+        assert sum("M-004" in text for text in notices(app)) == 1
         assert app.screen.query_one(AlarmPane).region.area
         await pilot.press("x", "enter")
         assert station.withdrawn == ["M-004"]
 
 
-async def test_a_refusal_is_told(tmp_path: Path) -> None:
+async def test_a_refusal_is_told(show: Show) -> None:
     station = ScriptedStation(living.alarmed())
     station.refuse = "M-004 does not wait"
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE, notifications=True) as pilot:
-        await settle(pilot, station)
-        await pilot.press("escape", "o", "z", "enter")
-        await settle(pilot)
-        assert told(app, "does not wait") == 1
+    async with show(station) as (app, pilot, station, _):
+        await press(pilot, "escape", "o", "z", "enter")
+        assert sum("does not wait" in text for text in notices(app)) == 1
 
 
 @pytest.mark.parametrize("where", [("escape",), ("escape", "slash")])
@@ -123,15 +103,13 @@ async def test_what_waits_behind_a_plan_says_so_and_goes_first_by_one_key(
         line = app.screen.query_one(MissionPrompt).border_title
         waits = f"{living.QUEUE[1].mission.id} waits for your decision on {story.MISSION.id}"
         assert f"{waits}: alt+b lets it go first" in str(line)
-        await pilot.press(*where, "alt+b")
-        await settle(pilot, station)
+        await press(pilot, *where, "alt+b")
         assert station.let_first == 1
 
 
 async def test_every_waiting_mission_has_place_priority_and_reason(show: Show) -> None:
     async with show(living.alarmed(), size=SMALL) as (app, pilot, _, _):
-        await pilot.press("escape", "5")
-        await settle(pilot)
+        await press(pilot, "escape", "5")
         text = shown(app, "#alarms")
         for words in ("1. M-004", "■ EMERGENCY", "WF-04: a confirmed threat", "2. M-005", "WF-05"):
             assert words in text
@@ -147,18 +125,19 @@ def test_queue_keys_are_legal_only_with_a_queue_and_never_in_a_replay() -> None:
         assert not action.refusal(ActionContext(queue=1))
 
 
-def test_the_key_that_approves_is_no_key_of_the_console() -> None:
+def test_no_key_of_the_console_approves_or_is_tmuxs() -> None:
     keys = {key for action in ACTIONS for key in action.keys.split(",")}
-    assert not keys & {"a", "r", "m"}
+    assert not keys & {"a", "r", "m", "ctrl+b"}
 
 
 async def test_stop_is_one_key_wherever_one_is(show: Show) -> None:
     async with show(living.alarmed()) as (_, pilot, station, _):
-        for count, key in enumerate(("i", "f10", "q", "f6", "f1", "f", "5"), start=1):
+        for count, key in enumerate(
+            ("i", "f10", "q", "f6", "f1", "f", "5", "M", "O", "V"), start=1
+        ):
             await pilot.press("escape", key)
             await pilot.pause()
-            await pilot.press("f9")
-            await settle(pilot, station)
+            await press(pilot, "f9")
             assert station.stopped == count
             await pilot.press("escape")
             await pilot.pause()
@@ -172,7 +151,7 @@ async def test_a_stop_shows_who_has_confirmed_until_a_mission_starts(show: Show)
         assert "7 hold, 1 not confirmed" in text
         assert bar.has_class("-stopped")
         station.emit(*story.planning()[:2])
-        await settle(pilot, station)
+        await settle(pilot)
         assert "ALL STOPPED" not in str(bar.render())
 
 
@@ -182,15 +161,14 @@ async def test_what_a_scenario_does_is_not_given_away(show: Show) -> None:
         for source in ("scenario", "operator"):
             given = ev.IncidentHappened.model_validate({**spoof, "source": source})
             station.emit(given, mission=None)
-            await settle(pilot, station)
+            await settle(pilot)
             told_now = app.screen.query_one(EventList).text
             assert ("forged" in told_now) == (source == "operator")
 
 
 async def test_the_alarm_under_the_pointer_can_be_followed_on_the_map(show: Show) -> None:
     async with show(living.alarmed()) as (app, pilot, _, _):
-        await pilot.press("escape", "t")
-        await settle(pilot)
+        await press(pilot, "escape", "t")
         assert "▸■‼4" in shown(app, "#map") or "following Track_04" in str(
             app.screen.query_one("#map").border_title
         )
@@ -207,13 +185,11 @@ async def test_typing_a_mission_types_and_does_not_acknowledge(show: Show) -> No
         assert station.acknowledged == [living.HOSTILE.id]
 
 
-async def test_the_event_list_goes_on_following_when_it_gets_smaller(tmp_path: Path) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=(120, 36)) as pilot:
+async def test_the_event_list_goes_on_following_when_it_gets_smaller(show: Show) -> None:
+    async with show(story.opening(), size=(120, 36)) as (app, pilot, station, _):
         for number in range(20):
             station.emit(ev.Noticed(level="info", subject="camera", text=f"frame {number}"))
-        await settle(pilot, station)
+        await settle(pilot)
         events = app.screen.query_one(EventList)
         for rows in (8, 3):
             events.styles.height = events.styles.max_height = rows
@@ -223,5 +199,5 @@ async def test_the_event_list_goes_on_following_when_it_gets_smaller(tmp_path: P
         events.scroll_to(y=2, animate=False, force=True, immediate=True)
         await settle(pilot)
         station.emit(ev.Noticed(level="info", subject="camera", text="one more"))
-        await settle(pilot, station)
+        await settle(pilot)
         assert events.scroll_offset.y == 2

@@ -19,7 +19,7 @@ from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import sections
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, press, settle, until
 from tests.tui.site import picture
 
 pytestmark = pytest.mark.long
@@ -39,13 +39,11 @@ async def open_editor(app: ConsoleApp, pilot: Pilot[Any]) -> None:
 
 async def test_keys_typed_ahead_are_dropped_and_then_approve_works(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
-        await pilot.press("a", "enter", "r", "space")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter", "r", "space")
         assert station.decisions == []
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
         assert not app.screen.query_one(ApprovalPanel).display
 
 
@@ -58,7 +56,7 @@ async def test_a_burst_of_typing_goes_into_the_field_that_its_first_key_opens(
         clock.now += ARM_DELAY_S
         for letter in f"{key}a Scream":
             app.post_message(events.Key("space" if letter == " " else letter, letter))
-        await settle(pilot, station)
+        await settle(pilot)
         assert written(app.screen.query_one(field)) == "a Scream"
         assert station.decisions == []
         assert station.stopped == 0
@@ -85,32 +83,6 @@ async def test_a_click_before_the_delay_does_nothing(show: Show) -> None:
     async with show(story.told("approval")) as (_, pilot, station, _):
         await pilot.click("#approve")
         assert station.decisions == []
-
-
-async def test_a_stray_enter_rejects_and_never_approves(show: Show) -> None:
-    async with show(story.told("approval")) as (app, pilot, station, clock):
-        assert app.screen.query_one("#reject", Button).has_focus
-        clock.now += ARM_DELAY_S
-        await pilot.press("enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["reject"]
-
-
-async def test_what_of_the_order_is_left_out_is_told_where_the_operator_decides(show: Show) -> None:
-    unmet = ("1 drone to WestGate: nobody can be spared",)
-    async with show(story.told("approval", unmet=unmet)) as (app, _, _, _):
-        said = app.screen.query_one("#approval-text", TextRows).render().plain
-        told = "Not done: 1 drone to WestGate, because nobody can be spared"
-        assert told in " ".join(said.split())
-
-
-@pytest.mark.parametrize(("confidence", "told"), [(0.41, True), (0.93, False), (None, False)])
-async def test_an_order_that_may_be_misread_is_told_where_the_operator_decides(
-    confidence: float | None, told: bool, show: Show
-) -> None:
-    async with show(story.told("approval", confidence=confidence)) as (app, _, _, _):
-        said = app.screen.query_one("#approval-text", TextRows).render().plain
-        assert ("Confidence 41%: the order may mean" in " ".join(said.split())) == told
 
 
 READINGS = (
@@ -142,8 +114,7 @@ async def test_another_reading_is_gone_to_with_alt_and_its_number_and_chosen_wit
         assert panel.border_subtitle == "Enter takes this reading, Esc goes back to the plan"
         chosen = buttons[1]
         assert contrast(chosen.styles.color, chosen.background_colors[1]) >= LEAST
-        await pilot.press("enter")
-        await settle(pilot, station)
+        await press(pilot, "enter")
         assert [(d.kind, d.asked) for d in station.decisions] == [("choose", READINGS[1])]
 
 
@@ -152,15 +123,8 @@ async def test_a_reading_can_be_chosen_where_the_plan_is_blocked(show: Show) -> 
     async with show(told) as (_, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await pilot.click("#approval-readings Button")
-        await settle(pilot, station)
+        await settle(pilot)
         assert [d.asked for d in station.decisions] == [READINGS[0]]
-
-
-async def test_a_reading_that_the_operator_chose_is_told_as_such(show: Show) -> None:
-    told = story.told("approval", confidence=0.41, as_chosen=True, readings=READINGS)
-    async with show(told) as (app, _, _, _):
-        said = " ".join(app.screen.query_one("#approval-reading", TextRows).render().plain.split())
-        assert said == "✎ read as you meant it: see to the unknown vehicle at NorthGate"
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), SIZE, (160, 50)])
@@ -182,35 +146,38 @@ async def test_whatever_there_is_to_read_the_buttons_are_in_sight(
             assert panel.contains_region(widget.region)
 
 
-async def test_without_other_readings_a_number_is_the_key_of_a_view(show: Show) -> None:
-    async with show(story.told("approval")) as (app, pilot, station, clock):
+@pytest.mark.parametrize(
+    ("verdict", "keys", "decided"),
+    [
+        ("Success", ("enter",), [("reject", "")]),
+        ("Success", ("a", "enter", "enter", "r", "enter"), [("approve", "")]),
+        ("Success", ("2",), []),
+        ("Failure", ("f7", "tab", "tab", *"seen", "enter", "a", "enter"), [("approve", "seen")]),
+        ("Failure", ("f7", "shift+tab", *"seen", "enter", "a", "enter"), [("approve", "seen")]),
+    ],
+    ids=["a stray Enter", "once", "the key of a view", "Tab to the reason", "Tab back to it"],
+)
+async def test_keys_decide_what_they_say(
+    verdict: str, keys: tuple[str, ...], decided: list[tuple[str, str]], show: Show
+) -> None:
+    async with show(story.told("approval", verdict=verdict)) as (app, pilot, station, clock):
+        assert app.screen.query_one("#reject", Button).has_focus
         clock.now += ARM_DELAY_S
-        await pilot.press("2")
-        await settle(pilot, station)
-        assert station.decisions == []
-        assert not app.screen.query_one("#reject", Button).has_focus
-
-
-async def test_a_second_key_does_not_decide_twice(show: Show) -> None:
-    async with show(story.told("approval")) as (_, pilot, station, clock):
-        clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter", "enter", "r", "enter")
-        await settle(pilot, station)
-        assert len(station.decisions) == 1
+        await press(pilot, *keys)
+        assert [(each.kind, each.reason) for each in station.decisions] == decided
 
 
 async def test_who_is_typing_keeps_the_keys(show: Show) -> None:
     async with show(story.told("planning")) as (app, pilot, station, clock):
         await pilot.press(*"arm")
         station.emit(*story.judged())
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += 10
         await pilot.press("a", "r")
         assert station.decisions == []
         assert app.screen.query_one(MissionInput).text == "armar"
-        await pilot.press("f7", "r", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["reject"]
+        await press(pilot, "f7", "r", "enter")
+        assert station.decided == ["reject"]
 
 
 async def test_a_blocked_plan_cannot_be_approved(show: Show) -> None:
@@ -234,19 +201,18 @@ async def test_a_plan_that_waits_is_blocked_while_its_station_is_not_in_command(
         panel = app.screen.query_one(ApprovalPanel)
         assert str(panel.border_title) == "✔ Approve"
         station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += ARM_DELAY_S
         assert "Blocked" in str(panel.border_title)
         await pilot.press("a", "enter")
         await pilot.click("#approve")
         assert station.decisions == []
         station.emit(ev.AuthorityChanged(refusal=""))
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += ARM_DELAY_S
         assert str(panel.border_title) == "✔ Approve"
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_a_judges_failure_needs_a_reason(show: Show) -> None:
@@ -257,8 +223,7 @@ async def test_a_judges_failure_needs_a_reason(show: Show) -> None:
         assert app.screen.query_one("#approval-reason", Input).has_focus is False
         await pilot.press("a", *"seen", "enter", "enter")
         assert station.decisions == []
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter")
         (decision,) = station.decisions
         assert decision.override_judge
         assert decision.reason == "seen"
@@ -274,25 +239,15 @@ async def test_warnings_must_be_ticked(show: Show) -> None:
         assert panel.border_title == "△ Breaks a Medium rule"
         await pilot.press("enter")
         assert panel.border_title == "△ Breaks a Medium rule", "it is no other plan once decided"
-        await settle(pilot, station)
+        await settle(pilot)
         assert station.decisions[0].acknowledged == ("CAP-04",)
-
-
-@pytest.mark.parametrize("keys", [("tab", "tab"), ("shift+tab",)])
-async def test_tab_goes_round_in_the_panel_to_the_reason(keys: tuple[str, ...], show: Show) -> None:
-    async with show(story.told("approval", verdict="Failure")) as (_, pilot, station, clock):
-        clock.now += ARM_DELAY_S
-        await pilot.press("f7", *keys, *"seen", "enter", "a", "enter")
-        await settle(pilot, station)
-        assert [(each.kind, each.reason) for each in station.decisions] == [("approve", "seen")]
 
 
 async def test_reject_carries_the_reason(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         app.screen.query_one("#approval-reason", Input).focus()
-        await pilot.press(*"no", "enter", "r", "enter")
-        await settle(pilot, station)
+        await press(pilot, *"no", "enter", "r", "enter")
         assert (station.decisions[0].kind, station.decisions[0].reason) == ("reject", "no")
 
 
@@ -323,13 +278,11 @@ async def test_modify_sends_the_changed_plan_and_keeps_a_left_draft(show: Show) 
         await open_editor(app, pilot)
         changed = app.screen.query_one(TextArea).text.replace("observe", "move_to")
         app.screen.query_one(TextArea).text = changed
-        await pilot.press("escape")
-        await settle(pilot, station)
+        await press(pilot, "escape")
         await until(pilot, lambda: not app.screen.query("Button.-active"))
         await open_editor(app, pilot)
         assert app.screen.query_one(TextArea).text == changed
-        await pilot.press("ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+s")
         (decision,) = station.decisions
         assert decision.kind == "modify"
         assert decision.plan is not None
@@ -348,8 +301,7 @@ async def test_a_whole_plan_is_replaced_from_the_keyboard_and_the_proposed_one_c
         assert area.text == own
         await pilot.press("ctrl+r")
         assert area.text == proposed
-        await pilot.press("ctrl+z", "ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+z", "ctrl+s")
         (decision,) = station.decisions
         assert decision.plan is not None
         assert (decision.plan.reason, decision.plan.actions) == ("none", ())
@@ -359,13 +311,11 @@ async def test_a_plan_that_was_not_changed_is_not_sent(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
-        await pilot.press("space", "ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "space", "ctrl+s")
         assert station.decisions == []
         assert notices(app)[-1] == "the plan is as it was, and still waits"
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [made.kind for made in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined(
@@ -384,8 +334,7 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
         assert "none of it" in area.text
         await pilot.press("ctrl+r")
         assert story.PLAN.reason in area.text
-        await pilot.press("ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+s")
         (decision,) = station.decisions
         assert (decision.kind, decision.plan) == ("modify", story.PLAN)
         assert decision.reason == "back to the plan as it was proposed"
@@ -393,22 +342,17 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
 
 async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
-        await pilot.press("ctrl+c")
-        await settle(pilot)
+        await press(pilot, "ctrl+c")
         assert notices(app)[-1].startswith("q ^q leaves the console, after a question")
         clock.now += ARM_DELAY_S
-        await pilot.press("m", "enter")
-        await settle(pilot)
-        await pilot.press("end", "ctrl+c")
-        await settle(pilot)
+        await press(pilot, "m", "enter")
+        await press(pilot, "end", "ctrl+c")
         assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
-        await pilot.press("escape")
-        await settle(pilot, station)
+        await press(pilot, "escape")
         assert station.decisions == []
         assert app.screen.query_one(ApprovalPanel).display
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_a_request_is_withdrawn_with_its_mission(show: Show) -> None:
@@ -416,7 +360,7 @@ async def test_a_request_is_withdrawn_with_its_mission(show: Show) -> None:
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         station.emit(ev.MissionFinished(status="cancelled", reason="stop", metrics=Metrics()))
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.screen is app.session.main
         assert station.decisions == []
         assert not app.screen.query_one(ApprovalPanel).display
@@ -427,15 +371,13 @@ async def test_a_decision_that_was_not_accepted_can_be_made_again(show: Show) ->
         clock.now += ARM_DELAY_S
         await open_editor(app, pilot)
         app.screen.query_one(TextArea).text = OWN.model_dump_json()
-        await pilot.press("ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+s")
         decision = station.decisions[0]
         station.emit(ev.DecisionMade(attempt=1, decision=decision, accepted=False, detail="no"))
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += ARM_DELAY_S
-        await pilot.press("r", "enter")
-        await settle(pilot, station)
-        assert [made.kind for made in station.decisions] == ["modify", "reject"]
+        await press(pilot, "r", "enter")
+        assert station.decided == ["modify", "reject"]
 
 
 async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> None:
@@ -449,7 +391,7 @@ async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> 
         state = app.session.state.missions[story.MISSION.id]
         assert [part.key for part in sections(state, {})][-2:] == ["heading-2", "plan-2"]
         station.emit(story.judged()[-1])
-        await settle(pilot, station)
+        await settle(pilot)
         keys = [part.key for part in sections(state, {})]
         assert keys.index("attempt-2") < keys.index("heading-1") < keys.index("plan-1")
         assert "plan-2" not in keys
@@ -457,10 +399,10 @@ async def test_the_attempt_up_for_approval_is_the_one_spread_out(show: Show) -> 
 
 async def test_the_title_tells_how_old_the_plan_and_its_rehearsal_are(show: Show) -> None:
     made_s = story.rehearsal().before.time_s
-    async with show(story.told("approval"), size=SIZE) as (app, pilot, station, _):
+    async with show(story.told("approval")) as (app, pilot, station, _):
         panel = app.screen.query_one(ApprovalPanel)
         station.emit(ev.TelemetryReceived(picture=picture(made_s + 45.0)))
-        await settle(pilot, station)
+        await settle(pilot)
         assert panel.border_title == "✔ Approve · 45 s old"
         now = picture(made_s + 540.0)
         again = story.rehearsal().model_copy(update={"before": now})
@@ -468,7 +410,7 @@ async def test_the_title_tells_how_old_the_plan_and_its_rehearsal_are(show: Show
             ev.TelemetryReceived(picture=now),
             ev.PlanRehearsed(attempt=1, rehearsal=again, seconds=0.1),
         )
-        await settle(pilot, station)
+        await settle(pilot)
         station.emit(ev.TelemetryReceived(picture=now))
-        await settle(pilot, station)
+        await settle(pilot)
         assert panel.border_title == "✔ Approve · 9 min old, rehearsed just now"

@@ -1,6 +1,6 @@
 """The approval panel says what to know first, and is armed only once all of it was on screen."""
 
-from pathlib import Path
+from typing import Any
 
 import pytest
 from textual import events
@@ -11,9 +11,10 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.approval.inputs import REASON
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
+from pa_console.tui.approval.plan_rows import approval_rows, reading_rows
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, console, settle
+from tests.tui.scripted import Show, press, settle
 
 SMALL = (80, 24)
 EVERYBODY = Plan(
@@ -74,6 +75,26 @@ async def test_the_title_says_what_to_know_first(
         assert ("✔ No rule is broken" in said(panel)) == (title == "✔ Approve")
 
 
+@pytest.mark.parametrize(
+    ("options", "words", "told"),
+    [
+        ({"confidence": 0.41}, "Confidence 41%: the order may mean", True),
+        ({"confidence": 0.93}, "the order may mean", False),
+        ({"confidence": None}, "the order may mean", False),
+        ({"confidence": 0.41, "as_chosen": True, "readings": ("asked: all hold",)},
+         "✎ read as you meant it: see to the unknown vehicle at NorthGate", True),
+    ],
+)  # fmt: skip
+def test_the_panel_says_how_sure_the_reading_is(
+    options: dict[str, Any], words: str, told: bool
+) -> None:
+    trace = story.folded(story.told("approval", **options)).current
+    assert trace is not None
+    rows = (*approval_rows(trace), *reading_rows(trace))
+    said = " ".join((row.lead + row.body).plain for row in rows)
+    assert (words in said) == told
+
+
 async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(show: Show) -> None:
     async with show(narrowed(), size=SMALL) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
@@ -84,21 +105,19 @@ async def test_a_narrowed_plan_is_armed_when_its_last_line_was_on_screen(show: S
             await pilot.press("a", "enter")
             assert station.decisions == []
             clock.now += ARM_DELAY_S
-            await pilot.press("pagedown")
-            await settle(pilot, station)
+            await press(pilot, "pagedown")
         body = panel.query_one("#approval-body")
         assert body.scroll_offset.y == body.max_scroll_y > 0
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_a_jump_to_the_end_has_not_shown_what_lies_between(show: Show) -> None:
-    async with show(narrowed(), size=SMALL) as (app, pilot, station, _):
+    async with show(narrowed(), size=SMALL) as (app, pilot, _, _):
         panel = app.screen.query_one(ApprovalPanel)
         panel.query_one("#approval-body").scroll_end(animate=False)
-        await settle(pilot, station)
+        await settle(pilot)
         assert panel.query_one("#approve", Button).disabled
 
 
@@ -112,16 +131,14 @@ async def test_the_typed_words_stand_beside_their_reading(show: Show) -> None:
 
 
 @pytest.mark.parametrize(("sure", "doubt"), [(0.9, "Another reader differs"), (0.4, "Unsure")])
-async def test_a_reading_says_why_it_may_be_wrong(sure: float, doubt: str, tmp_path: Path) -> None:
+async def test_a_reading_says_why_it_may_be_wrong(sure: float, doubt: str, show: Show) -> None:
     told = [
         data.model_copy(update={"read_apart": True, "state": "may_be_misunderstood"})
         if isinstance(data, ev.ApprovalRequested)
         else data
         for data in story.told("approval", confidence=sure, readings=("asked: all hold",))
     ]
-    app = console(station := ScriptedStation(told), tmp_path, FakeClock())
-    async with app.run_test(size=SMALL) as pilot:
-        await settle(pilot, station)
+    async with show(told, size=SMALL) as (app, _, _, _):
         panel = app.screen.query_one(ApprovalPanel)
         read = panel.query_one("#approval-reading", TextRows).render().plain
         assert f"△ {doubt}  read with {sure:.0%} confidence as: " in read
@@ -131,12 +148,10 @@ async def test_what_was_not_understood_can_only_be_rejected(show: Show) -> None:
     async with show(story.not_understood("asdf qwer"), size=SMALL) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
         assert "What is to be done, in English?" in said(app.screen.query_one(ApprovalPanel))
-        await pilot.press("a", "enter", "m", "enter")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter", "m", "enter")
         assert station.decisions == []
-        await pilot.press("r", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["reject"]
+        await press(pilot, "r", "enter")
+        assert station.decided == ["reject"]
 
 
 @pytest.mark.parametrize(
@@ -156,6 +171,5 @@ async def test_a_question_is_answered_by_a_key_or_in_words(
         clock.now += ARM_DELAY_S
         if keys[0] == "w":
             panel.query_one(f"#{REASON}", Input).focus()
-        await pilot.press(*keys)
-        await settle(pilot, station)
+        await press(pilot, *keys)
     assert [(one.kind, one.asked) for one in station.decisions] == [("answer", answer)]

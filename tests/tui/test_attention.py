@@ -20,7 +20,7 @@ async def sent(tmp_path: Path, payloads: list[Any], **chosen: str) -> str:
     station = ScriptedStation(payloads)
     app = console(station, tmp_path, settings=load_settings(chosen), to_terminal=codes.append)
     async with app.run_test(size=(80, 24)) as pilot:
-        await settle(pilot, station)
+        await settle(pilot)
     return "".join("BELL\n" if code == "\a" else code for code in codes)
 
 
@@ -66,7 +66,7 @@ async def test_what_is_waited_for_is_said_at_the_prompt_until_it_is_over(
     ):
         clock.now += 6.0
         station.emit(*story.told("planning")[-1:])
-        await settle(pilot, station)
+        await settle(pilot)
         prompt = app.screen.query_one(MissionPrompt)
 
         def said() -> str:
@@ -75,6 +75,6 @@ async def test_what_is_waited_for_is_said_at_the_prompt_until_it_is_over(
 
         assert ": 6 s, usually" in said()
         station.emit(*story.told("approval")[len(story.told("planning")) :])
-        await settle(pilot, station)
+        await settle(pilot)
         assert "usually" not in said()
         assert "Say in plain words" in said()

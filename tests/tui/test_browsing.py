@@ -12,25 +12,22 @@ from pa_console.schema.incident import SpawnTrack
 from pa_console.schema.rule import RuleExample
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.screens.manual import help_rows
 from pa_console.tui.screens.policies import PolicyScreen
 from pa_console.tui.screens.rule_rows import rule_rows
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import Show, notices, settle, until
+from tests.tui.scripted import Show, notices, press, settle, until
 from tests.tui.site import RULES, WORLD
 
 
 async def test_policies_are_searched_with_live_scores_and_filtered(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
-        await pilot.press("f6")
-        await settle(pilot)
+        await press(pilot, "f6")
         screen = app.screen
         assert isinstance(screen, PolicyScreen)
         assert [rule.id for rule in screen.shown()] == [rule.id for rule in RULES]
-        await pilot.press(*"each gate")
-        await settle(pilot)
+        await press(pilot, *"each gate")
         assert screen.shown()[0].id == "WF-03"
         assert "blocks a plan for everyone" in str(screen.query_one(TextRows).render())
         screen.query_one("#policy-domain", Select).value = "WF"
@@ -41,15 +38,13 @@ async def test_policies_are_searched_with_live_scores_and_filtered(show: Show) -
         assert [rule.id for rule in screen.shown()] == ["WF-09"]
         assert screen.query_one(OptionList).option_count == 1
         assert "the LLM judges it" in str(screen.query_one(TextRows).render())
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         assert app.screen is app.session.main
 
 
 async def test_a_rule_shows_its_check_and_examples(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
-        await pilot.press("f6", "tab", "tab", "tab", "tab", "down")
-        await settle(pilot)
+        await press(pilot, "f6", "tab", "tab", "tab", "tab", "down")
         text = str(app.screen.query_one(TextRows).render())
         for words in ("ROE-02", "tracks.all", "must be broken: blocked unseen",
                       "Ugv_T01: block EastGate"):  # fmt: skip
@@ -132,8 +127,7 @@ async def test_the_help_of_a_screen_begins_with_its_own_keys(show: Show) -> None
     async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("f6")
         await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
-        await pilot.press("f1")
-        await settle(pilot)
+        await press(pilot, "f1")
         lines = str(app.screen.query_one(TextRows).render()).splitlines()
         assert lines[0] == "On this screen"
         assert ["Del", "Remove"] in [line.split() for line in lines[:8]]
@@ -171,61 +165,30 @@ async def test_a_folder_that_cannot_be_written_is_no_crash(tmp_path: Path, show:
     (tmp_path / "copies").write_text("a file in the way")
     (tmp_path / "history.txt").mkdir()
     async with show(story.told("finished")) as (app, pilot, station, _):
-        await pilot.press(*"go", "enter", "escape", "y")
-        await settle(pilot, station)
+        await press(pilot, *"go", "enter", "escape", "y")
         assert station.submitted == ["go"]
         assert "M-003" in app.clipboard
-
-
-def test_no_key_is_given_twice_and_none_is_tmuxs() -> None:
-    keys = [key for action in ACTIONS for key in action.keys.split(",")]
-    assert len(keys) == len(set(keys))
-    assert "ctrl+b" not in keys
 
 
 async def test_an_interrupt_does_not_leave_and_says_how_to(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
         for focused in ("escape", "i"):
             app.clear_notifications()
-            await pilot.press(focused, "ctrl+c")
-            await settle(pilot)
+            await press(pilot, focused, "ctrl+c")
             assert app.is_running
             assert notices(app)[-1].startswith("q ^q leaves the console")
 
 
 async def test_an_interrupt_with_a_selection_copies_it(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
-        await pilot.press(*"scout", "shift+home", "ctrl+c")
-        await settle(pilot)
+        await press(pilot, *"scout", "shift+home", "ctrl+c")
         assert app.clipboard == "scout"
         assert notices(app) == []
 
 
-async def test_an_interrupt_over_another_screen_says_how_to_go_back(show: Show) -> None:
-    async with show(story.opening()) as (app, pilot, _, _):
-        await pilot.press("f1", "ctrl+c")
-        await settle(pilot)
-        assert notices(app)[-1].startswith("Esc goes back; there q ^q leaves the console")
-
-
-async def test_an_interrupt_while_a_mission_is_planned_leaves_it_be(show: Show) -> None:
-    async with show(story.told("planning")) as (app, pilot, station, _):
-        await pilot.press("ctrl+c")
-        await settle(pilot, station)
-        assert notices(app)[-1].endswith(
-            "after a question if a mission or a standing order ends by it"
-        )
-        assert app.session.state.active == story.MISSION.id
-        assert station.cancelled == 0
-        await pilot.press("ctrl+q")
-        await settle(pilot)
-        assert isinstance(app.screen, Confirm)
-
-
 async def test_the_footer_leaves_out_a_key_rather_than_cut_it(show: Show) -> None:
     async with show(story.told("approval"), size=(120, 24)) as (app, pilot, _, _):
-        await pilot.press("f7")
-        await settle(pilot)
+        await press(pilot, "f7")
         footer = app.screen.query_one(Footer)
         wide = [key for key in footer.children if key.visible]
         assert wide == [*footer.children]

@@ -17,7 +17,7 @@ from pa_console.tui.widgets.still import StillView
 from tests.session.logs import write_log
 from tests.stills import CAMERA, kept
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, console, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, console, press, settle, until
 from tests.tui.story import stamped
 from tests.tui.test_snapshots import READINGS, SIZES, before
 
@@ -75,12 +75,12 @@ async def test_a_key_pressed_as_it_appears_decides_nothing(show: Show, log: Path
         clock.now += 1.0
         assert panel.armed
         station.emit(kept(log, TRACK))
-        await settle(pilot, station)
+        await settle(pilot)
         await pilot.press("a", "enter")
         assert station.decisions == []
         clock.now += 1.0
         station.emit(kept(log, TRACK, taken_s=299.0))  # another one of the same size
-        await settle(pilot, station)
+        await settle(pilot)
         assert panel.armed
 
 
@@ -123,7 +123,7 @@ async def test_a_track_s_card_shows_what_a_camera_sees(show: Show, log: Path) ->
         assert isinstance(app.screen, Card)
         still = app.screen.query_one(StillView)
         await until(pilot, lambda: still.region.height)
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.screen.region.contains_region(app.screen.query_one("#card").region)
         assert CAMERA in still.render().plain
 
@@ -132,6 +132,5 @@ async def test_a_recording_shows_what_was_shown(show: Show, log: Path) -> None:
     told = [*story.told("approval"), kept(log, TRACK)]
     write_log(log, stamped(told))
     async with show(None, player=Player.open(log)) as (app, pilot, _, _):
-        await pilot.press("G", *"end", "enter")
-        await settle(pilot)
+        await press(pilot, "G", *"end", "enter")
         assert app.screen.query_one(StillView).region.height

@@ -14,7 +14,7 @@ from pa_console.session.recording import Player
 from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.controllers.composing import Favourites
-from pa_console.tui.order_templates import OrderNames, next_slot, slots, templates
+from pa_console.tui.order_templates import OrderNames, example_orders, next_slot, slots, templates
 from pa_console.tui.screens.compose import Card, ChooseLine, LineRows
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.assets import AssetTable
@@ -24,11 +24,10 @@ from pa_console.tui.widgets.mission_prompt import (
     ExampleLine,
     ExampleOrders,
     MissionInput,
-    example_orders,
 )
 from tests.session.logs import write_log
 from tests.tui import crowd, living, story
-from tests.tui.scripted import Show, notices, settle, until
+from tests.tui.scripted import Show, notices, press, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 from tests.tui.test_approval_state import as_a_terminal_sends
@@ -70,8 +69,7 @@ async def test_enter_sends_what_was_typed_and_not_the_name_that_is_shown(show: S
     async with show(story.opening()) as (app, pilot, station, _):
         await write(pilot, "send dro")
         assert field(app).suggestion == "ne_T01"
-        await pilot.press("enter")
-        await settle(pilot, station)
+        await press(pilot, "enter")
         assert station.submitted == ["send dro"]
 
 
@@ -131,8 +129,7 @@ async def test_a_template_is_filled_slot_by_slot_and_sent_only_when_it_is_full(s
         assert field(app).selected_text == "{place}"
         await write(pilot, "EastGate")
         clock.now += PUT_S
-        await pilot.press("enter")
-        await settle(pilot, station)
+        await press(pilot, "enter")
         assert station.submitted == ["Send Drone_T01 to EastGate."]
 
 
@@ -162,8 +159,7 @@ async def test_an_example_is_typed_by_its_key_or_a_click_and_not_sent(
         assert field(app).text == orders[0]
         assert station.submitted == []
         clock.now += PUT_S
-        await pilot.press("enter")
-        await settle(pilot, station)
+        await press(pilot, "enter")
         assert station.submitted == [orders[0]]
 
 
@@ -175,8 +171,7 @@ async def test_no_keys_that_help_to_write_send_anything(seed: int, show: Show) -
     draw = random.Random(seed)
     async with show(story.opening()) as (_, pilot, station, _):
         for _ in range(40):
-            await pilot.press(draw.choice(keys))
-        await settle(pilot, station)
+            await press(pilot, draw.choice(keys))
         digits = [text for text in station.submitted if not text.strip("14")]
         assert station.submitted == digits  # a digit typed into the field is the operator's text
         assert station.decisions == []
@@ -189,8 +184,7 @@ async def test_an_enter_that_is_held_sends_nothing_that_was_typed_for_the_operat
         await pilot.press("alt+1")
         for _ in range(8):
             clock.now += PUT_S / 2
-            await pilot.press("enter")
-        await settle(pilot, station)
+            await press(pilot, "enter")
         assert station.submitted == []
 
 
@@ -377,8 +371,7 @@ async def test_the_card_of_an_asset_types_an_order_and_a_click_on_a_gate_fills_i
         assert field(app).text == "Send Drone_T02 to WestGate."
         assert station.submitted == []
         clock.now += PUT_S
-        await pilot.press("enter")
-        await settle(pilot, station)
+        await press(pilot, "enter")
         assert station.submitted == ["Send Drone_T02 to WestGate."]
 
 
@@ -439,7 +432,7 @@ async def test_manual_control_is_taken_and_given_back_by_a_key_of_the_card(show:
         await pilot.pause()
         assert station.submitted == ["Take over Drone_T04."]
         station.emit(ManualControlTaken(asset="Drone_T04", by="operator"), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         await pilot.press("enter")
         await pilot.pause()
         card = app.screen
@@ -490,8 +483,7 @@ async def test_a_cell_with_several_lets_choose(show: Show) -> None:
 async def test_in_a_recording_a_card_orders_nothing(show: Show) -> None:
     player = Player.of(stamped(story.told("finished")))
     async with show(None, player=player) as (app, pilot, _, _):
-        await pilot.press("n")
-        await settle(pilot)
+        await press(pilot, "n")
         app.controllers.composing.picked(("Drone_T04",), None, menu=False)
         await pilot.pause()
         card = app.screen

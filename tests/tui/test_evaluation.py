@@ -1,6 +1,7 @@
 """The evaluation screen: filter, select, open a trace and come back, what is wrong is said."""
 
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,11 @@ from pa_console.tui.widgets.evaluation_runs import RunRows
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import TracePane
 from tests.tui import runs, story
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, notices, press, settle
 
 pytestmark = pytest.mark.long
 
 Compare = Callable[..., bool]
-SIZE = (120, 36)
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
 
 
@@ -63,9 +63,19 @@ async def read(pilot: Pilot[Any]) -> EvaluationScreen:
     return screen
 
 
+@asynccontextmanager
+async def opened(
+    folder: Path, site: Site, size: tuple[int, int] = SIZES["120x36"]
+) -> AsyncGenerator[tuple[ConsoleApp, Pilot[Any], EvaluationScreen], None]:
+    """Open the evaluation screen alone, and wait until it shows what there is."""
+    app = evaluation(folder, site)
+    async with app.run_test(size=size) as pilot:
+        yield app, pilot, await read(pilot)
+
+
 def text(screen: EvaluationScreen, part: str) -> str:
     """What a part of the screen says."""
-    return str(screen.query_one(f"#evaluation-{part}", Static).render())
+    return str(screen.query_one(f"#{part}", Static).render())
 
 
 def detail(screen: EvaluationScreen) -> str:
@@ -74,14 +84,12 @@ def detail(screen: EvaluationScreen) -> str:
 
 
 async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site) as (_, pilot, screen):
         listing = screen.query_one(RunRows)
         assert len(listing.keys) == 48
         every = runs.records()
         good = sum(run.strict for run in every)
-        assert f"48 runs   strict {100 * good / 48:.1f} %" in text(screen, "totals")
+        assert f"48 runs   strict {100 * good / 48:.1f} %" in text(screen, "evaluation-totals")
         sorts = {
             "strict": [run.run for run in every if not run.strict],
             "judge": [
@@ -101,14 +109,14 @@ async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Sit
         await pilot.press("slash", *"shot GATE 1.5b")
         await pilot.pause()
         assert listing.keys == [f"qwen2.5-coder-1.5b/full/paper/F32/{seed}" for seed in (0, 1)]
-        assert "2 of 48 runs" in text(screen, "totals")
+        assert "2 of 48 runs" in text(screen, "evaluation-totals")
         await pilot.press("enter")
         assert screen.focused is listing
         screen.query_one("#evaluation-search", Input).value = "nowhere"
         await pilot.pause()
         assert not listing.keys
         assert "No run passes the filter" in detail(screen)
-        assert "strict" not in text(screen, "totals")
+        assert "strict" not in text(screen, "evaluation-totals")
 
 
 async def test_a_run_without_an_outcome_verdict_counts_in_no_hybrid_rate(
@@ -116,19 +124,15 @@ async def test_a_run_without_an_outcome_verdict_counts_in_no_hybrid_rate(
 ) -> None:
     given = [runs.record().model_copy(update={"hybrid": told}) for told in (True, None, None)]
     given = [run.model_copy(update={"run": f"r{n}"}) for n, run in enumerate(given)]
-    app = evaluation(runs.write(tmp_path, given), site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
-        assert "hybrid 100.0 % (21–100)" in text(screen, "totals")
+    async with opened(runs.write(tmp_path, given), site) as (_, pilot, screen):
+        assert "hybrid 100.0 % (21–100)" in text(screen, "evaluation-totals")
         await pilot.press("down")
         await pilot.pause()
         assert "hybrid – no verdict" in detail(screen)
 
 
 async def test_the_pointer_tells_everything_of_its_run(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site) as (_, pilot, screen):
         for key in ("down", "down", "end", "home", "down", "down", "down", "down"):
             await pilot.press(key)
         await pilot.pause()
@@ -150,56 +154,41 @@ async def test_the_pointer_tells_everything_of_its_run(folder: Path, site: Site)
 async def test_enter_opens_the_trace_of_a_run_and_escape_comes_back(
     folder: Path, site: Site
 ) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
-        await pilot.press("down", "down", "enter")
-        await settle(pilot)
-        opened = app.screen
-        assert isinstance(opened, RecordingScreen)
-        assert story.MISSION.id in opened.query_one(TracePane).query_one(TextRows).render().plain
-        assert opened.player.finished
-        await pilot.press("left", "left", "f2", "i", "c")
-        await settle(pilot)
-        assert opened.player.index == len(story.told("finished")) - 3
-        assert app.screen is opened
-        await pilot.press("escape")
-        await settle(pilot)
+    async with opened(folder, site) as (app, pilot, screen):
+        await press(pilot, "down", "down", "enter")
+        recording = app.screen
+        assert isinstance(recording, RecordingScreen)
+        assert story.MISSION.id in recording.query_one(TracePane).query_one(TextRows).render().plain
+        assert recording.player.finished
+        await press(pilot, "left", "left", "f2", "i", "c")
+        assert recording.player.index == len(story.told("finished")) - 3
+        assert app.screen is recording
+        await press(pilot, "escape")
         assert app.screen is screen
         assert screen.query_one(RunRows).cursor == runs.LOGGED
-        await pilot.press("enter")
-        await settle(pilot)
+        await press(pilot, "enter")
         assert isinstance(app.screen, RecordingScreen)
-        await pilot.press("q")
-        await settle(pilot)
+        await press(pilot, "q")
         assert app.screen is screen
 
 
 async def test_a_missing_log_and_a_foreign_world_are_said(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site) as (app, pilot, screen):
         await pilot.press("enter")
         await pilot.pause()
         assert app.screen is screen
-        assert "the log of this run is missing" in _last_notice(app)
+        assert "the log of this run is missing" in notices(app)[-1]
         (folder / "worlds" / "site" / "world.yaml").unlink()
         path = folder / "logs" / f"{runs.LOGGED.replace('/', '__')}.jsonl"
         path.write_text(path.read_text().replace('"world":"checkpoint"', '"world":"elsewhere"'))
         await pilot.press("down", "down", "enter")
         await pilot.pause()
-        assert "“elsewhere” is neither installed nor below" in _last_notice(app)
+        assert "“elsewhere” is neither installed nor below" in notices(app)[-1]
         assert app.screen is screen
 
 
-def _last_notice(app: ConsoleApp) -> str:
-    return list(app._notifications)[-1].message  # pyright: ignore[reportPrivateUsage]
-
-
 async def test_runs_that_are_added_appear_and_the_pointer_stays(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site) as (_, pilot, screen):
         listing = screen.query_one(RunRows)
         await pilot.press("end")
         chosen = listing.cursor
@@ -212,25 +201,21 @@ async def test_runs_that_are_added_appear_and_the_pointer_stays(folder: Path, si
 
 
 async def test_a_line_that_is_no_run_is_named(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site) as (_, pilot, screen):
         with (folder / "runs.jsonl").open("a") as file:
             file.write('{"run": 3}\n')
         screen.look()
         await read(pilot)
-        assert f"{folder / 'runs.jsonl'}:49" in text(screen, "totals").replace("\n", "")
+        assert f"{folder / 'runs.jsonl'}:49" in text(screen, "evaluation-totals").replace("\n", "")
         assert len(screen.query_one(RunRows).keys) == 48
 
 
 async def test_an_empty_folder_says_what_to_do(tmp_path: Path, site: Site) -> None:
-    app = evaluation(tmp_path, site)
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = await read(pilot)
+    async with opened(tmp_path, site, (80, 24)) as (app, pilot, screen):
         assert "pa-console eval makes some" in detail(screen)
         await pilot.press("enter", "t")
         await read(pilot)
-        assert "pa-console eval" in text(screen, "text")
+        assert "pa-console eval" in text(screen, "evaluation-text")
         other = runs.write(tmp_path / "other", runs.records())
         await pilot.press("o")
         await pilot.pause()
@@ -244,12 +229,10 @@ async def test_an_empty_folder_says_what_to_do(tmp_path: Path, site: Site) -> No
 
 
 async def test_the_reports_tables_are_shown_and_scroll(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=(80, 24)) as pilot:
-        screen = await read(pilot)
+    async with opened(folder, site, (80, 24)) as (_, pilot, screen):
         await pilot.press("t")
         await read(pilot)
-        shown = text(screen, "text")
+        shown = text(screen, "evaluation-text")
         assert "smollm2-135m" in shown
         assert "Wilson interval" in shown
         pane = screen.query_one("#evaluation-tables", ScrollableContainer)
@@ -261,17 +244,15 @@ async def test_the_reports_tables_are_shown_and_scroll(folder: Path, site: Site)
 
 
 async def test_resizing_keeps_pointer_and_filter(folder: Path, site: Site) -> None:
-    app = evaluation(folder, site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
-        assert "variant" in text(screen, "heading")
+    async with opened(folder, site) as (_, pilot, screen):
+        assert "variant" in text(screen, "list-heading")
         await pilot.press("f", "end")
         listing = screen.query_one(RunRows)
         before, keys = listing.cursor, list(listing.keys)
         await pilot.resize_terminal(80, 24)
         await read(pilot)
         assert (listing.cursor, listing.keys) == (before, keys)
-        assert "variant" not in text(screen, "heading")
+        assert "variant" not in text(screen, "list-heading")
         assert listing.scroll_offset.y <= keys.index(before) < listing.scroll_offset.y + 24
         await pilot.resize_terminal(50, 14)
         await read(pilot)
@@ -281,9 +262,7 @@ async def test_resizing_keeps_pointer_and_filter(folder: Path, site: Site) -> No
 async def test_thousands_of_runs_lay_out_only_what_is_in_view(
     tmp_path: Path, site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app = evaluation(runs.write(tmp_path, runs.records(seeds=250)), site)
-    async with app.run_test(size=SIZE) as pilot:
-        screen = await read(pilot)
+    async with opened(runs.write(tmp_path, runs.records(seeds=250)), site) as (_, pilot, screen):
         listing = screen.query_one(RunRows)
         assert len(listing.keys) == 6000
         asked: set[int] = set()
@@ -307,19 +286,15 @@ async def test_the_console_opens_the_newest_evaluation_over_a_live_session(
     async with show(story.told("executing"), evaluations=folder.parent) as (app, pilot, station, _):
         await pilot.press("f2", "e")
         screen = await read(pilot)
-        await pilot.press("e", "down", "down", "enter")
-        await settle(pilot)
+        await press(pilot, "e", "down", "down", "enter")
         assert isinstance(app.screen, RecordingScreen)
-        await pilot.press("c", "f8", "left")
-        await settle(pilot)
+        await press(pilot, "c", "f8", "left")
         assert (station.cancelled, station.stopped) == (0, 0)
         await pilot.press("f9")
         assert station.stopped == 1
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         assert app.screen is screen
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         assert app.screen is app.session.main
         await pilot.press("c", "enter")
         assert station.cancelled == 1
@@ -330,10 +305,9 @@ async def test_a_plan_that_waits_meanwhile_is_told(folder: Path, show: Show) -> 
         await pilot.press("f2", "e")
         await read(pilot)
         station.emit(*story.judged())
-        await settle(pilot, station)
-        assert "A plan waits" in _last_notice(app)
-        await pilot.press("f7")
-        await settle(pilot, station)
+        await settle(pilot)
+        assert "A plan waits" in notices(app)[-1]
+        await press(pilot, "f7")
         assert app.screen is app.session.main
         assert app.screen.query_one(ApprovalPanel).has_focus_within
 

@@ -14,7 +14,7 @@ from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, press, settle, until
 from tests.tui.test_typing import Typist
 
 BOB = JoinedTo("north", "bob")
@@ -40,14 +40,11 @@ async def test_it_names_the_session_and_signs_what_takes_two_people(show: Show) 
         assert shown == ["approve"]
         assert app.focused is panel, "Enter signs nothing by itself"
         clock.now += ARM_DELAY_S
-        await pilot.press("enter", "r", "enter", "m", "enter")
-        await settle(pilot, station)
+        await press(pilot, "enter", "r", "enter", "m", "enter")
         assert station.decisions == []
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
-        await pilot.press("f9", "f8")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
+        await press(pilot, "f9", "f8")
         assert (station.stopped, station.cancelled) == (1, 0)
 
 
@@ -57,8 +54,7 @@ async def test_nothing_is_signed_that_takes_one_person_or_by_an_observer(
 ) -> None:
     async with show(waiting(people), joined=joined) as (app, pilot, station, clock):
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter", "f7", "a", "enter")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter", "f7", "a", "enter")
         assert station.decisions == []
         assert app.screen.query_one("#approve", Button).disabled or not joined.signer
 
@@ -79,12 +75,10 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(show: Show) -
             await until(pilot, lambda: bool(app.screen.query("#answer-rows")))
             rows = app.screen.query_one("#answer-rows", TextRows)
             await until(pilot, lambda rows=rows: "it alone covers" in rows.render().plain)
-            await pilot.press("escape")
-            await settle(pilot, station)
+            await press(pilot, "escape")
             assert field.text == ""
         station.refuse = "this is the session of north: it is commanded there"
-        await pilot.press("slash", *"Send a drone home", "enter")
-        await settle(pilot, station)
+        await press(pilot, "slash", *"Send a drone home", "enter")
         assert station.refuse in notices(app)
         assert field.text == "Send a drone home"
         assert (station.submitted, station.decisions) == ([], [])
@@ -97,7 +91,7 @@ async def test_a_question_that_is_typed_at_the_plan_signs_nothing(show: Show) ->
             await Typist(pilot, clock).types(asked)
             await pilot.press("escape", "escape")
             clock.now += ARM_DELAY_S
-        await settle(pilot, station)
+        await settle(pilot)
         assert (station.decisions, station.stopped) == ([], 0)
 
 
@@ -106,15 +100,14 @@ async def test_both_screens_say_who_has_signed(show: Show) -> None:
         signed = Decision(kind="approve", by="bob at another station", signatures={"bob": "s"})
         detail = "observe needs 2 people to approve, so far there is 1"
         station.emit(ev.DecisionMade(attempt=1, decision=signed, accepted=False, detail=detail))
-        await settle(pilot, station)
+        await settle(pilot)
         rows = app.screen.query_one("#approval-text", TextRows)
         told = "\n".join(strip.text for strip in map(rows.render_line, range(rows.size.height)))
         assert "Signed  bob at another station" in told
         assert "so far" in told
         assert "not accepted" not in told
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter")
         assert len(station.decisions) == 1
 
 
@@ -123,9 +116,8 @@ async def test_a_commander_takes_command_after_a_question_that_says_what_it_does
     answer: str, takes: bool, show: Show
 ) -> None:
     joined = JoinedTo("north", "bob", lambda: "Put south in command in place of north?")
-    async with show(story.opening(), joined=joined) as (app, pilot, station, _):
-        await pilot.press("ctrl+k")
-        await settle(pilot, station)
+    async with show(story.opening(), joined=joined) as (app, pilot, _, _):
+        await press(pilot, "ctrl+k")
         question = app.screen.query_one("#confirm Static", Static)
         assert "in place of north?" in str(question.render())
         await pilot.press(answer)
@@ -138,9 +130,8 @@ async def test_nobody_else_is_offered_command_and_what_hinders_it_is_said(show: 
         raise ValueError("this station is not in the roster")
 
     for joined in (BOB, JoinedTo("north", "bob", hindered)):
-        async with show(story.opening(), joined=joined) as (app, pilot, station, _):
-            await pilot.press("ctrl+k")
-            await settle(pilot, station)
+        async with show(story.opening(), joined=joined) as (app, pilot, _, _):
+            await press(pilot, "ctrl+k")
             assert not app.screen.query("#confirm")
             assert ("this station is not in the roster" in notices(app)) == (joined is not BOB)
             assert not app.controllers.leaving.takes_command
@@ -150,8 +141,8 @@ async def test_a_relieved_station_says_so_at_the_top(show: Show) -> None:
     async with show(waiting(1)) as (app, pilot, station, _):
         bar = app.screen.query_one(StatusBar)
         station.emit(ev.AuthorityChanged(refusal="south is in command since epoch 2"))
-        await settle(pilot, station)
+        await settle(pilot)
         assert "NOT IN COMMAND: NOTHING IS SENT" in str(bar.render())
         station.emit(ev.AuthorityChanged(refusal=""))
-        await settle(pilot, station)
+        await settle(pilot)
         assert "NOT IN COMMAND" not in str(bar.render())

@@ -13,7 +13,7 @@ from pa_console.settings.sources import load_settings
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.mission_prompt import MissionPrompt, ReadingLine
 from tests.tui import story
-from tests.tui.scripted import FakeClock, Opened, ScriptedStation, Show, console, settle
+from tests.tui.scripted import FakeClock, Opened, ScriptedStation, Show, console, press, settle
 
 ORDER = "Send a drone to the east gate"
 READING = "reads as: Drone_T04 to East Gate; gates stay covered"
@@ -47,38 +47,25 @@ async def reads(opened: Opened, reading: str = READING, text: str = ORDER) -> No
     await settle(opened.pilot)
 
 
-async def test_the_reading_of_the_text_in_the_prompt_is_shown(show: Show) -> None:
+@pytest.mark.parametrize(
+    ("text", "keys", "shown"),
+    [
+        (ORDER, (), READING),
+        ("Send a drone to the east", (), ""),
+        (ORDER, ("x",), ""),
+        (ORDER, ("space",), READING),
+    ],
+    ids=["of the text", "of another", "a key withdraws it", "a space does not"],
+)
+async def test_only_the_reading_of_what_stands_in_the_prompt_is_shown(
+    text: str, keys: tuple[str, ...], shown: str, show: Show
+) -> None:
     async with show(story.opening()) as opened:
         await typed(opened, f"  {ORDER} ")
         assert opened.station.typed.split() == ORDER.split()
-        await reads(opened)
-        assert line(opened.app) == READING
-        assert "Approve" not in line(opened.app)
-
-
-async def test_a_reading_of_another_text_never_shows(show: Show) -> None:
-    async with show(story.opening()) as opened:
-        await typed(opened)
-        await reads(opened, text="Send a drone to the east")
-        assert line(opened.app) == ""
-
-
-async def test_a_key_withdraws_the_reading_before_the_station_does(show: Show) -> None:
-    async with show(story.opening()) as opened:
-        await typed(opened)
-        await reads(opened)
-        await opened.pilot.press("x")
-        await settle(opened.pilot)
-        assert line(opened.app) == ""
-
-
-async def test_a_space_changes_no_reading(show: Show) -> None:
-    async with show(story.opening()) as opened:
-        await typed(opened)
-        await reads(opened)
-        await opened.pilot.press("space")
-        await settle(opened.pilot)
-        assert line(opened.app) == READING
+        await reads(opened, text=text)
+        await press(opened.pilot, *keys)
+        assert line(opened.app) == shown
 
 
 async def test_enter_sends_the_order_and_the_line_is_gone(show: Show) -> None:
@@ -86,8 +73,7 @@ async def test_enter_sends_the_order_and_the_line_is_gone(show: Show) -> None:
         await typed(opened)
         await reads(opened)
         opened.clock.now += 5.0
-        await opened.pilot.press("enter")
-        await settle(opened.pilot)
+        await press(opened.pilot, "enter")
         assert opened.station.submitted == [ORDER]
         assert opened.station.typed == ""
         assert line(opened.app) == ""
@@ -137,7 +123,7 @@ def test_how_it_looks(
     app = console(station, tmp_path, clock)
 
     async def before(pilot: Pilot[None]) -> None:
-        await settle(pilot, station)
+        await settle(pilot)
         opened = Opened(app, pilot, station, clock)
         await typed(opened)
         await reads(opened, LONG)

@@ -13,7 +13,7 @@ from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.screens.recording import RecordingScreen
 from tests.tui import story
-from tests.tui.scripted import Show, notices, settle
+from tests.tui.scripted import Show, notices, press, settle
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -74,14 +74,14 @@ async def test_every_screen_says_in_red_that_nothing_is_dispatched(
             if first == "screen":
                 await shown_on(app, pilot, name)
             station.emit(ev.LogTroubled(problem=FULL), mission=None)
-            await settle(pilot, station)
+            await settle(pilot)
             if first == "trouble":
                 await shown_on(app, pilot, name)
             text, red = top_line(app)
             assert all(words in text for words in TOLD), (name, text)
             assert red, name
             station.emit(ev.LogTroubled(problem=""), mission=None)
-            await settle(pilot, station)
+            await settle(pilot)
             assert "nothing is dispatched" not in top_line(app)[0], name
             while app.screen is not main:
                 await app.pop_screen()
@@ -92,9 +92,8 @@ async def test_an_approval_that_is_refused_while_the_log_is_in_trouble_says_so(s
     async with show(story.told("approval")) as (app, pilot, station, clock):
         station.emit(ev.LogTroubled(problem=FULL), mission=None)
         station.refuse = f"nothing is approved while the log cannot be written: {FULL}"
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += ARM_DELAY_S
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
+        await press(pilot, "a", "enter")
         assert station.decisions == []
         assert station.refuse in notices(app)

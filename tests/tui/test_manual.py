@@ -11,7 +11,7 @@ from textual.widgets import Input, Markdown, OptionList
 from pa_console.manual_pages import Manual, load_manual, read_page
 from pa_console.tui.screens.manual import HelpScreen, ManualScreen
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, notices, settle, until
+from tests.tui.scripted import ScriptedStation, Show, console, notices, press, settle, until
 
 SIZES = {"80x24": (80, 24), "120x36": (120, 36)}
 FILLING = "\n\n".join(f"Paragraph {number} says little." for number in range(40))
@@ -97,21 +97,19 @@ async def test_the_manual_opens_from_the_help_page_and_escape_goes_back(show: Sh
         assert isinstance(app.screen, ManualScreen)
 
 
-async def test_the_page_at_the_pointer_is_shown(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_the_page_at_the_pointer_is_shown(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (_, pilot, _, _):
         screen = await opened(pilot)
         assert (title(screen), marked(screen)) == ("Manual", [])
         await pilot.press("down", "down")
         await shown(pilot, screen)
         assert title(screen) == "Console"
-        await pilot.press("enter")
+        await press(pilot, "enter")
         assert screen.focused is screen.query_one("#manual-page")
 
 
-async def test_words_are_found_in_all_pages_and_lead_to_their_section(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_words_are_found_in_all_pages_and_lead_to_their_section(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (_, pilot, _, _):
         screen = await opened(pilot, "slash", *"sign", "enter")
         assert title(screen) == "Rules"
         assert marked(screen) == ["Signing"]
@@ -128,9 +126,8 @@ async def test_words_are_found_in_all_pages_and_lead_to_their_section(tmp_path: 
         assert title(screen) == "Console"
 
 
-async def test_a_link_leads_to_its_section_or_says_that_there_is_none(tmp_path: Path) -> None:
-    app = console(ScriptedStation(story.opening()), tmp_path)
-    async with app.run_test(size=(100, 30)) as pilot:
+async def test_a_link_leads_to_its_section_or_says_that_there_is_none(show: Show) -> None:
+    async with show(story.opening(), size=(100, 30)) as (app, pilot, _, _):
         screen = await opened(pilot)
         text = screen.query_one(Markdown)
         text.post_message(Markdown.LinkClicked(text, "nowhere.md"))
@@ -139,13 +136,6 @@ async def test_a_link_leads_to_its_section_or_says_that_there_is_none(tmp_path: 
         text.post_message(Markdown.LinkClicked(text, "rules.md#signing"))
         await shown(pilot, screen)
         assert (title(screen), marked(screen)) == ("Rules", ["Signing"])
-
-
-async def test_the_stop_works_over_the_manual(show: Show) -> None:
-    async with show(story.told("executing"), size=(100, 30)) as (_, pilot, station, _):
-        await opened(pilot, "slash", "f9")
-        await settle(pilot, station)
-        assert station.stopped == 1
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -93,7 +93,7 @@ async def test_the_scale_stays_when_alarms_come_up(show: Show) -> None:
         view = app.screen.query_one(MapView)
         before = view.text(), view.content_size
         station.emit(*(ev.AlarmRaised(alarm=alarm) for alarm in living.ALARMS), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.screen.query_one("#alarms").display
         assert (view.text(), view.content_size) == before
 

@@ -8,19 +8,16 @@ import pytest
 from textual import events
 from textual.containers import VerticalScroll
 from textual.widget import Widget
-from textual.widgets._toast import Toast
 
 from pa_console.schema.events import event as ev
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.widgets.bars import StatusBar
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionInput, MissionPrompt
-from pa_console.tui.widgets.row_views import TextRows, VirtualRows
+from pa_console.tui.widgets.row_views import EventList, TextRows, VirtualRows
 from pa_console.tui.widgets.trace_pane import SectionTitle, SectionView
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, settle
-from tests.tui.site import picture
+from tests.tui.scripted import ScriptedStation, Show, console, notices, press, settle
 
 SIZE = (120, 36)
 TOLD = (
@@ -55,12 +52,6 @@ def shown_title(view: SectionView) -> str:
     return str(view.query_one(SectionTitle).render())
 
 
-def told(app: ConsoleApp, words: str) -> int:
-    """How many notices on the screen contain `words`."""
-    toasts = app.screen.query(Toast)
-    return sum(words in " ".join(str(toast.render()).split()) for toast in toasts)
-
-
 async def test_a_typed_mission_is_submitted_and_remembered(tmp_path: Path, show: Show) -> None:
     async with show(story.opening()) as (app, pilot, station, _):
         await pilot.press(*"go east", "enter")
@@ -80,6 +71,7 @@ async def test_a_refused_mission_stays_in_the_field(show: Show) -> None:
     async with show(station) as (app, pilot, _, _):
         await pilot.press(*"go east", "enter")
         assert app.screen.query_one(MissionInput).text == "go east"
+        assert notices(app) == ["the queue is full"]
 
 
 async def test_escape_leaves_the_field_and_keeps_the_text(show: Show) -> None:
@@ -107,7 +99,7 @@ async def test_a_short_trace_begins_below_its_headline_and_a_long_one_shows_its_
         await pilot.resize_terminal(120, 30)
         for payload in story.told("finished")[len(story.told("planning")) :]:
             station.emit(payload)
-        await settle(pilot, station)
+        await settle(pilot)
         assert body.scroll_offset.y == body.max_scroll_y > 0
 
 
@@ -117,7 +109,7 @@ async def test_the_first_words_of_an_answer_are_shown_when_they_come(show: Show)
         plan = next(view for view in app.screen.query(SectionView) if "Plan" in shown_title(view))
         assert not plan.query_one(TextRows).display
         station.emit(words)
-        await settle(pilot, station)
+        await settle(pilot)
         assert plan.query_one(TextRows).display
 
 
@@ -126,7 +118,7 @@ async def test_the_json_of_a_plan_stays_folded_in_its_place(show: Show) -> None:
         view = next(v for v in app.screen.query(SectionView) if "as JSON" in shown_title(v))
         rows = view.query_one(TextRows)
         assert not rows.display
-        view.query_one(SectionTitle).action_fold()
+        view.action_fold()
         await settle(pilot)
         assert rows.display
         written = rows.render()
@@ -158,7 +150,7 @@ async def test_what_would_turn_an_order_round_is_seen_and_has_its_width(show: Sh
 async def test_model_text_is_never_read_as_markup(show: Show) -> None:
     async with show(story.told("planning")) as (app, pilot, station, _):
         station.emit(ev.TextStreamed(role="planner", attempt=1, text="[red]x[/nosuch] [@click=a]"))
-        await settle(pilot, station)
+        await settle(pilot)
         assert "[red]x[/nosuch] [@click=a]" in shown(app)
 
 
@@ -166,7 +158,7 @@ async def test_telemetry_moves_the_map_while_the_trace_stays(show: Show) -> None
     async with show(story.told("planning")) as (app, pilot, station, _):
         before = app.screen.query_one(MapView).text()
         station.emit(ev.TelemetryReceived(picture=story.moving_picture()), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         after = app.screen.query_one(MapView).text()
         assert after != before
         assert "◇" in after
@@ -175,52 +167,22 @@ async def test_telemetry_moves_the_map_while_the_trace_stays(show: Show) -> None
 
 async def test_cancel_reaches_the_station_at_once(show: Show) -> None:
     async with show(story.told("planning")) as (app, pilot, station, _):
-        await pilot.press("f8")
-        await settle(pilot, station)
+        await press(pilot, "f8")
         assert station.cancelled == 1
         assert "cancelled" in shown(app)
         await pilot.press("f8")
         assert station.cancelled == 1
 
 
-async def test_stop_works_from_every_screen(show: Show) -> None:
-    async with show(story.told("executing")) as (_, pilot, station, _):
-        await pilot.press("f1", "f9", "escape", "f6", "f9")
-        await settle(pilot, station)
-        assert station.stopped == 2
-
-
-async def test_old_telemetry_is_called_old(show: Show) -> None:
-    async with show(story.opening()) as (app, pilot, station, _):
-        late = picture(time_s=320.0, changes={"Drone_T01": {"stamp_s": 300.0}})
-        station.emit(ev.TelemetryReceived(picture=late), mission=None)
-        await settle(pilot, station)
-        text = shown(app, "#assets")
-        assert "20 s!" in text
-        assert "? stale 20 s" in text
-
-
-async def test_a_broken_stream_leaves_the_console_usable(tmp_path: Path) -> None:
-    station = ScriptedStation(story.told("planning"), broken="the link is gone")
-    app = console(station, tmp_path)
-    async with app.run_test(size=SIZE, notifications=True) as pilot:
-        await settle(pilot, station)
+async def test_a_broken_stream_leaves_the_console_usable(show: Show) -> None:
+    broken = ScriptedStation(story.told("planning"), broken="the link is gone")
+    async with show(broken) as (app, pilot, station, _):
         station.end()
-        await settle(pilot, station)
-        assert told(app, "the link is gone") == 1
+        await settle(pilot)
+        assert sum("the link is gone" in text for text in notices(app)) == 1
         await pilot.press("f6")
         await pilot.pause()
         assert app.screen.query("#policy-list")
-
-
-async def test_a_log_that_cannot_be_written_is_told_until_it_can(show: Show) -> None:
-    async with show(story.told("planning")) as (app, pilot, station, _):
-        for problem in ("no space left", ""):
-            station.emit(ev.LogTroubled(problem=problem), mission=None)
-            await settle(pilot, station)
-            bar = str(app.screen.query_one(StatusBar).render())
-            assert ("LOG NOT WRITTEN" in bar) is bool(problem)
-        assert "no space left" in app.screen.query_one(EventList).text
 
 
 async def test_leaving_during_a_mission_asks_first(show: Show) -> None:
@@ -259,7 +221,7 @@ async def test_a_timer_that_fires_while_the_console_closes_finds_nothing_to_pain
 
     monkeypatch.setattr(MissionPrompt, "on_unmount", fire, raising=False)
     async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+        await settle(pilot)
     assert fired == [False]  # its field was gone already
 
 

@@ -5,7 +5,7 @@ from pa_console.tui.app import comparison
 from pa_console.tui.recordings import OpenedLog
 from pa_console.tui.screens.compare import CompareScreen
 from tests.tui import story
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, press
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -20,8 +20,7 @@ async def test_escape_leads_from_the_comparison_to_the_first_recording(show: Sho
     )
     async with show(None, player=a, opening=opening) as (app, pilot, _, _):
         assert isinstance(app.screen, CompareScreen)
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         assert app.screen is app.session.main
         await pilot.press("q")
         await pilot.pause()

@@ -4,33 +4,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pa_console.schema.events import event as ev
-from pa_console.session.state import SessionState
 from pa_console.tui.rows import layout, plain
 from pa_console.tui.widgets.alarms import summary
 from pa_console.tui.widgets.trace_pane import content, headline, progress, sections
 from pa_console.views.trace_layout import standing
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
-from tests.tui.story import MISSION, stamped
-
-
-def told(payloads: list[ev.EventPayload]) -> SessionState:
-    state = SessionState()
-    for event in stamped(payloads):
-        state.apply(event)
-    return state
+from tests.tui.story import MISSION
 
 
 def text(payloads: list[ev.EventPayload]) -> str:
-    return plain(sections(told(payloads).missions[MISSION.id], {}))
+    return plain(sections(story.folded(payloads).missions[MISSION.id], {}))
 
 
 def keys(payloads: list[ev.EventPayload]) -> list[str]:
-    return [part.key for part in sections(told(payloads).missions[MISSION.id], {})]
+    return [part.key for part in sections(story.folded(payloads).missions[MISSION.id], {})]
 
 
 def test_where_in_the_workflow_the_mission_is_stands_in_its_head() -> None:
-    trace = told(living.workflow()).missions[MISSION.id]
+    trace = story.folded(living.workflow()).missions[MISSION.id]
     head = " ".join(item.body.plain for item in headline(trace))
     assert "Track_01 ✔ recon ✔ identify ▶ warn · escalate" in head
     assert "WF-01" in text(living.workflow())
@@ -72,7 +64,7 @@ def test_a_halt_is_told_with_its_reason_and_the_safe_state() -> None:
 
 def test_a_mission_that_gave_way_says_to_whom() -> None:
     gone = ev.MissionPreempted(by="M-009", reason="a threat at EastGate")
-    trace = told([*story.told("approval"), gone]).missions[MISSION.id]
+    trace = story.folded([*story.told("approval"), gone]).missions[MISSION.id]
     assert "M-009 goes first: a threat at EastGate" in progress(trace).plain
 
 
@@ -85,7 +77,7 @@ def test_every_section_of_a_trace_has_a_name_of_its_own() -> None:
 @given(st.lists(st.sampled_from(PAYLOADS).flatmap(models), max_size=10), st.integers(20, 200))
 @settings(max_examples=60, deadline=None)
 def test_whatever_happened_can_be_shown(payloads: list[ev.EventPayload], width: int) -> None:
-    state = told([ev.MissionReceived(mission=MISSION, position=0), *payloads])
+    state = story.folded([ev.MissionReceived(mission=MISSION, position=0), *payloads])
     for trace in state.missions.values():
         names = [part.key for part in sections(trace, {})]
         assert len(names) == len(set(names))
@@ -99,7 +91,7 @@ def test_where_an_answer_comes_from_is_told_in_full_however_narrow_the_trace_is(
     second = ev.PlanProposed(
         attempt=2, text="{}", plan=story.PLAN, instead_of=1, given=True, as_judged=True
     )
-    trace = told([*story.told("approval")[:-1], second]).missions[MISSION.id]
+    trace = story.folded([*story.told("approval")[:-1], second]).missions[MISSION.id]
     (heading,) = (part for part in sections(trace, {}) if part.key == "heading-2")
     assert heading.title.plain == "Attempt 2  instead of 1"
     lines = [line.plain.strip() for line in layout(heading.rows, 30)]

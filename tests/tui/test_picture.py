@@ -15,7 +15,7 @@ from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import LEGEND, MapView
 from pa_console.tui.widgets.row_views import NOTES
 from tests.tui import crowd, living
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, press, settle
 from tests.tui.site import WORLD, picture, track
 from tests.tui.test_mission import shown
 
@@ -84,8 +84,7 @@ def test_every_sign_of_the_legend_is_a_role_of_the_map() -> None:
 
 async def test_the_table_names_age_and_doubt_of_every_report(show: Show) -> None:
     async with show(living.troubled(), size=(80, 24)) as (app, pilot, _, _):
-        await pilot.press("escape", "f3")
-        await settle(pilot)
+        await press(pilot, "escape", "f3")
         text = shown(app, "#assets")
         for words in ("? stale 7 s", "✘ silent", "22 s!", "≠ SUSPECT", "▿ works", "✘ FAILED",
                       "‼ HOSTILE", "by U1, E1", "WestGate?", "not seen now"):  # fmt: skip
@@ -98,12 +97,10 @@ async def test_problems_come_first_and_can_be_shown_alone(show: Show) -> None:
         table = app.screen.query_one(AssetTable)
         assets = [key for key in table.keys if key in WORLD.assets]
         assert assets[:4] == ["Ugv_T02", "Robot_T02", "Drone_T01", "Drone_T04"]
-        await pilot.press("escape", "F")
-        await settle(pilot)
+        await press(pilot, "escape", "F")
         assert [key for key in table.keys if key in WORLD.assets] == assets[:4]
         assert "filter" in str(app.screen.query_one(AssetPane).border_title)
-        await pilot.press("F")
-        await settle(pilot)
+        await press(pilot, "F")
         assert [key for key in table.keys if key in WORLD.assets] == assets
 
 
@@ -124,8 +121,7 @@ async def test_a_filter_of_any_words_is_typed_and_cleared(show: Show) -> None:
             app.screen.query_one("#asset-filter", Input).value = words
             await settle(pilot)
             assert [key for key in table.keys if key] == left
-        await pilot.press("enter", "escape")
-        await settle(pilot)
+        await press(pilot, "enter", "escape")
         assert len([key for key in table.keys if key]) == 15
 
 
@@ -136,11 +132,9 @@ async def test_a_thousand_assets_are_shown_in_crowds_and_rows_on_demand(show: Sh
         assert "Gate07" in text
         table = app.screen.query_one(AssetTable)
         assert table.count.total == 1051
-        await pilot.press("f3", "end")
-        await settle(pilot)
+        await press(pilot, "f3", "end")
         assert table.scroll_offset.y > 900
-        await pilot.press("home")
-        await settle(pilot)
+        await press(pilot, "home")
         assert table.scroll_offset.y == 0
 
 
@@ -169,7 +163,7 @@ async def test_only_rows_that_changed_are_laid_out_again(show: Show) -> None:
 
         table.row = counted  # pyright: ignore[reportAttributeAccessIssue]
         station.emit(ev.TelemetryReceived(picture=crowd.crowd(LARGE, 300.5)), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert 0 < len(asked) < 60
 
 

@@ -15,7 +15,7 @@ from pa_console.tui.approval.comparison import CandidateColumn, PlanComparison
 from pa_console.tui.approval.panel import ARM_DELAY_S
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, press, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -32,7 +32,7 @@ async def opened(
     pilot: Pilot[Any], app: ConsoleApp, station: ScriptedStation, clock: FakeClock
 ) -> PlanComparison:
     """Open the comparison once the panel takes keys."""
-    await settle(pilot, station)
+    await settle(pilot)
     clock.now += ARM_DELAY_S
     await pilot.press("alt+c")
     await until(pilot, lambda: isinstance(app.screen, PlanComparison))
@@ -90,9 +90,8 @@ async def test_what_is_chosen_is_put_forward_and_never_approved(
     async with show(waiting(WAY)) as (app, pilot, station, clock):
         screen = await opened(pilot, app, station, clock)
         await until(pilot, lambda: len(screen.columns) == 3)
-        await pilot.press(*keys)
-        await settle(pilot)
-        assert [decision.kind for decision in station.decisions] == ([kind] if kind else [])
+        await press(pilot, *keys)
+        assert station.decided == ([kind] if kind else [])
         if kind == "modify":
             assert station.decisions[0].plan == WAY
         if kind == "choose":
@@ -107,8 +106,7 @@ async def test_what_is_being_rehearsed_is_said_and_can_be_left(show: Show) -> No
         note = str(screen.query_one("#comparison-note", Static).render())
         assert "rehearsing another way" in note
         assert "Esc ends that" in note
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         station.slow.set()
         await settle(pilot)
         assert app.screen is app.session.main
@@ -120,13 +118,12 @@ async def test_it_is_closed_when_the_plan_no_longer_waits(show: Show) -> None:
         await opened(pilot, app, station, clock)
         over = ev.MissionFinished(status="cancelled", reason="it is over", metrics=Metrics())
         station.emit(over)
-        await settle(pilot, station)
+        await settle(pilot)
         await until(pilot, lambda: app.screen is app.session.main)
         assert station.decisions == []
 
 
 async def test_before_the_panel_takes_keys_it_does_not_open(show: Show) -> None:
     async with show(waiting(WAY)) as (app, pilot, _, _):
-        await pilot.press("alt+c")
-        await settle(pilot)
+        await press(pilot, "alt+c")
         assert app.screen is app.session.main

@@ -9,9 +9,9 @@ from textual.widgets import Button, Static
 from pa_console.schema.finding import Finding
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S
-from pa_console.tui.screens.plan_form import ActionRow, PlanForm, nearest
+from pa_console.tui.screens.plan_editing import ActionRow, PlanForm, nearest
 from tests.tui import story
-from tests.tui.scripted import FakeClock, Show, settle, until
+from tests.tui.scripted import FakeClock, Show, press, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -47,26 +47,26 @@ def test_a_name_is_found_from_what_is_like_it(typed: str, name: str) -> None:
 async def test_an_asset_that_does_not_exist_is_told_at_once_with_the_one_that_is_meant(
     show: Show, size: tuple[int, int]
 ) -> None:
-    async with show(story.told("approval"), size=size) as (app, pilot, station, clock):
+    async with show(story.told("approval"), size=size) as (app, pilot, _, clock):
         first, *_ = await open_form(app, pilot, clock)
         first.agent.value = "Drone_T4"
-        await settle(pilot, station)
+        await settle(pilot)
         assert "did you mean Drone_T04?" in said(app)
         assert app.screen.query_one("#send", Button).disabled
         await pilot.press("down")
         assert first.agent.value == "Drone_T04"
-        await settle(pilot, station)
+        await settle(pilot)
         assert not app.screen.query_one("#send", Button).disabled
 
 
 async def test_a_command_that_the_asset_cannot_do_and_an_unknown_place_are_told(show: Show) -> None:
-    async with show(story.told("approval")) as (app, pilot, station, clock):
+    async with show(story.told("approval")) as (app, pilot, _, clock):
         first, *_ = await open_form(app, pilot, clock)
         first.agent.value, first.verb.value, first.place.value = "Drone_T04", "block", "EastGate"
-        await settle(pilot, station)
+        await settle(pilot)
         assert "a UAV cannot block" in said(app)
         first.verb.value, first.place.value = "observe", "EstGate"
-        await settle(pilot, station)
+        await settle(pilot)
         assert "did you mean EastGate?" in said(app)
 
 
@@ -75,13 +75,11 @@ async def test_rows_are_added_and_removed_and_the_plan_is_sent(show: Show) -> No
         before = len(await open_form(app, pilot, clock))
         await pilot.press("ctrl+n", *"ugv1", "enter", *"hold", "enter")
         assert len(rows(app)) == before + 1
-        await settle(pilot, station)
+        await settle(pilot)
         rows(app)[0].agent.focus()
-        await pilot.press("ctrl+d")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+d")
         assert len(rows(app)) == before
-        await pilot.press("ctrl+s")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+s")
         [decision] = station.decisions
         assert decision.plan is not None
         assert decision.plan.actions[-1].agent == "Ugv_T01"
@@ -111,8 +109,7 @@ async def test_a_left_draft_is_there_again_also_as_json_and_back(show: Show) -> 
         await pilot.press("f4")
         await until(pilot, lambda: isinstance(app.screen, PlanForm))
         assert rows(app)[0].place.value == "SouthGate"
-        await pilot.press("escape")
-        await settle(pilot, station)
+        await press(pilot, "escape")
         await until(pilot, lambda: not app.screen.query("Button.-active"))
         await pilot.press("m", "enter")
         await until(pilot, lambda: isinstance(app.screen, PlanForm))

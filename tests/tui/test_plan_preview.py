@@ -22,7 +22,7 @@ from pa_console.tui.screens.main import PLAY_FRAME_S
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import compound, living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, press, settle, until
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -171,9 +171,6 @@ def test_the_map_shows_the_way_the_arrival_with_its_seconds_and_the_cover() -> N
     assert {"ghost", "arrival", "gate-gains", "dimmed"} <= seen
     assert "1→3 D4+6s R1+31s" in text
     assert "gate-loses" not in seen
-
-
-def test_the_map_shows_which_gate_loses_cover() -> None:
     text, seen = roles(lost())
     assert "gate-loses" in seen
     assert "1→0" in text
@@ -219,7 +216,7 @@ def title(app: ConsoleApp) -> str:
 
 
 async def armed(pilot: Pilot[Any], station: ScriptedStation, clock: FakeClock) -> None:
-    await settle(pilot, station)
+    await settle(pilot)
     clock.now += ARM_DELAY_S
 
 
@@ -232,8 +229,7 @@ async def test_what_waits_is_on_the_map_and_gone_once_it_is_decided(
         view = app.screen.query_one(MapView)
         assert "1→3" in view.text()
         assert title(app) == "Map: the plan that waits"
-        await pilot.press("r", "enter")
-        await settle(pilot, station)
+        await press(pilot, "r", "enter")
         assert "1→3" not in view.text()
         assert title(app) == "Map"
 
@@ -261,16 +257,14 @@ async def test_a_rehearsal_that_was_played_gives_way_to_the_live_picture(show: S
         await pilot.press("space")
         clock.now += LONGEST_S + STAYS_S + PLAY_FRAME_S
         await until(pilot, lambda: "REHEARSAL" not in title(app))
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_a_space_in_the_middle_of_a_text_plays_nothing(show: Show) -> None:
     async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         await armed(pilot, station, clock)
-        await pilot.press(*"he", "space", *"is")
-        await settle(pilot)
+        await press(pilot, *"he", "space", *"is")
         assert "REHEARSAL" not in title(app)
         assert station.decisions == []
 
@@ -281,7 +275,7 @@ async def test_what_is_played_ends_with_the_request(show: Show) -> None:
         await pilot.press("space")
         assert "REHEARSAL" in title(app)
         station.emit(ev.PlanVoided(attempt=1, reason="the situation changed"))
-        await settle(pilot, station)
+        await settle(pilot)
         assert title(app) == "Map"
 
 
@@ -302,8 +296,7 @@ async def test_another_reading_is_looked_at_before_it_is_chosen(show: Show) -> N
         await until(pilot, lambda: title(app) == "Map: the plan that waits")
         assert app.screen.query_one(MapView).text() == own
         assert app.screen.query_one("#reject", Button).has_focus
-        await pilot.press("alt+1", "enter")
-        await settle(pilot, station)
+        await press(pilot, "alt+1", "enter")
         assert [(made.kind, made.asked) for made in station.decisions] == [("choose", READING)]
 
 
@@ -317,9 +310,8 @@ async def test_approve_is_about_the_plan_that_waits_whatever_was_looked_at(show:
         await until(pilot, lambda: "send 2 drones to EastGate" in title(app))
         await pilot.press("a")
         await until(pilot, lambda: title(app) == "Map: the plan that waits")
-        await pilot.press("enter")
-        await settle(pilot, station)
-        assert [made.kind for made in station.decisions] == ["approve"]
+        await press(pilot, "enter")
+        assert station.decided == ["approve"]
 
 
 async def test_a_reading_that_cannot_be_rehearsed_says_so(show: Show) -> None:
@@ -339,13 +331,10 @@ async def test_a_plan_that_was_read_to_its_end_stays_read_when_it_is_played(show
         approve = app.screen.query_one("#approve", Button)
         assert approve.disabled
         for _ in range(3):
-            await pilot.press("pagedown")
-            await settle(pilot, station)
+            await press(pilot, "pagedown")
         assert not approve.disabled
-        await pilot.press("space")
-        await settle(pilot, station)
-        await pilot.press("space")
-        await settle(pilot, station)
+        await press(pilot, "space")
+        await press(pilot, "space")
         assert not approve.disabled
 
 
@@ -353,8 +342,7 @@ async def test_a_recorded_approval_shows_its_panel_and_decides_nothing(show: Sho
     player = Player.of(stamped(story.told("approval")))
     async with show(None, player=player) as (app, pilot, _, _):
         for _ in range(len(story.told("approval"))):
-            await pilot.press("right")
-        await settle(pilot)
+            await press(pilot, "right")
         panel = app.screen.query_one(ApprovalPanel)
         assert panel.display
         assert "Checkpoint → North Gate" in panel.query_one(TextRows).render().plain
@@ -371,7 +359,7 @@ async def test_panel_and_header_name_the_same_phase(show: Show) -> None:
         said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert "phase warn of Track_01" in said
         station.emit(living.move(3))
-        await settle(pilot, station)
+        await settle(pilot)
         said = app.screen.query_one("#approval-text", TextRows).render().plain
         assert "phase escalate of Track_01; the plan was made for warn" in " ".join(said.split())
 
@@ -380,11 +368,10 @@ async def test_panel_and_header_name_the_same_phase(show: Show) -> None:
 async def test_the_scale_of_the_map_stays_when_the_prompt_grows(
     size: tuple[int, int], show: Show
 ) -> None:
-    async with show(story.opening(), size=size) as (app, pilot, station, _):
+    async with show(story.opening(), size=size) as (app, pilot, _, _):
         view = app.screen.query_one(MapView)
         before, rows = apart(view), view.size.height
-        await pilot.press(*"one", "shift+enter", *"two", "shift+enter", *"three")
-        await settle(pilot, station)
+        await press(pilot, *"one", "shift+enter", *"two", "shift+enter", *"three")
         assert view.size.height < rows
         assert apart(view) == before
 

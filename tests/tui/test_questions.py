@@ -15,7 +15,7 @@ from pa_console.tui.controllers.approval import LOOKING, AnswerScreen
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, settle, until
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, press, settle, until
 from tests.tui.test_mission import shown
 
 pytestmark = pytest.mark.long
@@ -59,8 +59,7 @@ async def test_a_question_is_answered_over_a_plan_that_still_waits(
         await until(pilot, lambda: "it alone covers EastGate" in said(app))
         clock.now += ARM_DELAY_S
         await pilot.press("a", "r", "m")
-        await pilot.press("escape")
-        await settle(pilot, station)
+        await press(pilot, "escape")
         assert app.session.main is not None
         assert app.screen is app.session.main
         assert app.screen.query_one(ApprovalPanel).display
@@ -73,8 +72,7 @@ async def test_a_question_is_answered_over_a_plan_that_still_waits(
 
 async def test_an_order_beside_a_question_is_an_order(show: Show) -> None:
     async with show(asked("approval")) as (app, pilot, station, _):
-        await pilot.press("escape", "slash", *"Send it instead", "enter")
-        await settle(pilot, station)
+        await press(pilot, "escape", "slash", *"Send it instead", "enter")
         assert station.submitted == ["Send it instead"]
         assert app.screen is app.session.main
 
@@ -86,8 +84,7 @@ async def test_what_else_stands_beside_the_plan_that_waits(show: Show) -> None:
         screen = app.screen
         assert isinstance(screen, PlanComparison)
         await until(pilot, lambda: len(screen.columns) == 2)
-        await pilot.press("alt+1", "enter")
-        await settle(pilot, station)
+        await press(pilot, "alt+1", "enter")
         assert [(each.kind, each.plan) for each in station.decisions] == [("modify", WAY)]
         assert not station.submitted
 
@@ -101,8 +98,7 @@ async def test_where_nothing_waits_an_order_for_what_is_chosen_is_only_typed(sho
         await until(pilot, lambda: len(screen.columns) == 2)
         await settle(pilot)
         assert "types an order" in str(screen.query_one("#comparison-note", Static).render())
-        await pilot.press("alt+1", "enter")
-        await settle(pilot, station)
+        await press(pilot, "alt+1", "enter")
         assert app.screen is app.session.main
         assert app.screen.query_one(MissionInput).text == "Ugv_T02 to NorthGate."
         assert not station.submitted
@@ -113,6 +109,5 @@ async def test_the_stop_works_while_an_answer_is_read(show: Show) -> None:
     async with show(asked("executing")) as (app, pilot, station, _):
         await pilot.press("escape", "slash", *WHY.text, "enter")
         await until(pilot, lambda: isinstance(app.screen, AnswerScreen))
-        await pilot.press("f9")
-        await settle(pilot, station)
+        await press(pilot, "f9")
         assert station.stopped == 1

@@ -6,10 +6,9 @@ from pa_console.schema.events.event import TelemetryReceived
 from pa_console.session.recording import Player
 from pa_console.tui.actions import ACTIONS, ActionContext
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from tests.tui import story
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, press, settle
 from tests.tui.story import stamped
 
 COMMANDS = ("cancel", "stop", "prompt", "approval")
@@ -17,8 +16,7 @@ COMMANDS = ("cancel", "stop", "prompt", "approval")
 
 async def test_readonly_shows_everything_and_refuses_every_command(show: Show) -> None:
     async with show(story.told("approval"), readonly=True) as (app, pilot, station, _):
-        await pilot.press("i", "a", "r", "f7", "f8", "f9", "S", "c", "enter")
-        await settle(pilot, station)
+        await press(pilot, "i", "a", "r", "f7", "f8", "f9", "S", "c", "enter")
         assert (station.submitted, station.decisions) == ([], [])
         assert (station.cancelled, station.stopped) == (0, 0)
         assert app.screen.query_one(ApprovalPanel).has_class("-closed")
@@ -33,24 +31,6 @@ def test_no_command_is_legal_in_a_replay_or_read_only() -> None:
             assert action.refusal(ActionContext(replay=True, **full))
             assert action.refusal(ActionContext(readonly=True, decides=False, stops=False, **full))
             assert not action.refusal(ActionContext(**full))
-
-
-async def test_replay_plays_steps_and_refuses(show: Show) -> None:
-    player = Player.of(stamped(story.told("finished")))
-    async with show(None, player=player) as (app, pilot, _, _):
-        await pilot.press("right", "right", "right")
-        await settle(pilot)
-        assert player.index == 3
-        assert "REPLAY" in str(app.screen.query_one(StatusBar).render())
-        await pilot.press("left", "n")
-        await settle(pilot)
-        assert list(player.state.missions) == ["M-003"]
-        await pilot.press("plus", "space")
-        assert player.playing
-        assert player.rate == 2.0
-        await pilot.press("f8", "f9", "S", "i", "f7", "a")
-        assert not app.screen.query("#mission-input")
-        assert not app.screen.query_one(ApprovalPanel).display
 
 
 async def test_replay_plays_on_with_the_clock(show: Show) -> None:
@@ -78,8 +58,7 @@ async def test_a_tiny_terminal_gets_a_friendly_word(show: Show) -> None:
 async def test_a_small_terminal_reaches_every_pane(show: Show) -> None:
     async with show(story.told("executing"), size=(60, 18)) as (app, pilot, _, _):
         for key, pane in (("f3", "assets"), ("f4", "trace"), ("f5", "events"), ("f2", "map")):
-            await pilot.press(key)
-            await settle(pilot)
+            await press(pilot, key)
             seen = [name for name in ("map", "assets", "trace", "events")
                     if app.screen.query_one(f"#{name}").region.area]  # fmt: skip
             assert seen == [pane]
@@ -97,8 +76,7 @@ async def test_a_hidden_map_is_up_to_date_when_it_is_shown_again(show: Show) -> 
     async with show(story.opening(), size=(80, 24)) as (app, pilot, station, _):
         await pilot.press("f4")
         station.emit(TelemetryReceived(picture=story.moving_picture()), mission=None)
-        await settle(pilot, station)
-        await pilot.press("f2")
         await settle(pilot)
+        await press(pilot, "f2")
         rows = app.screen.query_one(MapView).text().splitlines()[:-1]
         assert "◇" in "".join(rows)

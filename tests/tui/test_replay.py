@@ -15,18 +15,17 @@ from pa_console.schema.mission import Decision
 from pa_console.session.log_index import LogIndex, Progress, build_index
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
-from pa_console.tui.controllers.replay import read_position
 from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared
 from pa_console.tui.screens import dialogs
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import OpeningLog
-from pa_console.tui.screens.recording import FindEvent, HitRows, RecordingScreen
+from pa_console.tui.screens.recording import FindEvent, HitRows, RecordingScreen, read_position
 from pa_console.tui.widgets.bars import Scrubber, StatusBar
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.row_views import TextRows
 from tests.session.logs import write_log
 from tests.tui import story
-from tests.tui.scripted import FakeClock, Show, console, settle, until
+from tests.tui.scripted import FakeClock, Show, press, settle, until
 from tests.tui.site import RULES, WORLD
 from tests.tui.story import stamped
 
@@ -62,11 +61,6 @@ def index_of(kind: str) -> int:
 
 def notices(app: ConsoleApp) -> list[str]:
     return [f"{n.title}: {n.message}" for n in app._notifications]  # pyright: ignore[reportPrivateUsage]
-
-
-async def press(pilot: Pilot[Any], *keys: str) -> None:
-    await pilot.press(*keys)
-    await settle(pilot)
 
 
 async def test_one_goes_through_a_recording_by_events_seconds_missions_and_findings(
@@ -238,11 +232,10 @@ def elsewhere() -> list[ev.Event]:
 
 @pytest.mark.parametrize("size", [(120, 36), (80, 24)])
 async def test_no_map_is_drawn_for_a_recording_whose_world_is_not_here(
-    tmp_path: Path, size: tuple[int, int]
+    tmp_path: Path, show: Show, size: tuple[int, int]
 ) -> None:
     log = write_log(tmp_path / "other.jsonl", elsewhere(), "S2")
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=size) as pilot:
+    async with show(None, size=size, player=player()) as (app, pilot, _, _):
         await compare_with(pilot, log)
         await app.workers.wait_for_complete()
         await settle(pilot)
@@ -276,7 +269,7 @@ def test_the_world_of_a_compared_log_is_taken_by_its_hash_and_a_changed_one_is_t
 
 @pytest.mark.parametrize("waits", [True, False])
 async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, waits: bool
+    tmp_path: Path, show: Show, monkeypatch: pytest.MonkeyPatch, waits: bool
 ) -> None:
     log, free = write_log(tmp_path / "large.jsonl", otherwise(), "S2"), threading.Event()
 
@@ -287,8 +280,7 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
 
     monkeypatch.setattr("pa_console.session.recording.build_index", build)
     monkeypatch.setattr(dialogs, "LARGE", 1)
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=SIZE) as pilot:
+    async with show(None, size=SIZE, player=player()) as (app, pilot, _, _):
         await compare_with(pilot, log)
         reading = app.screen
         assert isinstance(reading, OpeningLog)
@@ -305,13 +297,12 @@ async def test_a_large_log_is_read_beside_the_screen_with_a_bar(
 
 
 async def test_a_large_log_that_is_none_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, show: Show, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = tmp_path / "none.jsonl"
     log.write_bytes(b"rubbish\n")
     monkeypatch.setattr(dialogs, "LARGE", 1)
-    app = console(None, tmp_path, player=player())
-    async with app.run_test(size=SIZE) as pilot:
+    async with show(None, size=SIZE, player=player()) as (app, pilot, _, _):
         await compare_with(pilot, log)
         await app.workers.wait_for_complete()
         await until(pilot, lambda: notices(app))

@@ -10,10 +10,10 @@ from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.map.canvas import FREE
 from pa_console.tui.map.scene import MapScene, short_name
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
+from pa_console.tui.widgets.row_views import EventList
 from tests.tui import story
-from tests.tui.scripted import Show, settle
+from tests.tui.scripted import Show, press, settle
 from tests.tui.site import WORLD
 from tests.tui.story import stamped
 
@@ -30,7 +30,7 @@ async def test_a_contact_is_on_the_map_until_it_is_lost(show: Show) -> None:
         before = shown_map(app)
         assert "◌" not in before
         station.emit(story.TAK_UP, *story.reported(), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         with_contacts = shown_map(app)
         assert "TAK ALPHA 1 friend?" in with_contacts
         assert "TAK RED 7 hostile?" in with_contacts
@@ -39,7 +39,7 @@ async def test_a_contact_is_on_the_map_until_it_is_lost(show: Show) -> None:
         assert "reported, not seen by our sensors: “RED 7”" in " ".join(lines.split())
         for uid in ("ANDROID-1", "ANDROID-2"):
             station.emit(ev.ContactLost(uid=uid, reason="stale"), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert shown_map(app) == before
 
 
@@ -49,8 +49,7 @@ async def test_a_replay_shows_it_where_it_was_reported(show: Show) -> None:
     async with show(None, size=WIDE, player=player) as (app, pilot, _, _):
         seen: list[tuple[bool, bool]] = []
         for _ in range(len(player.recording)):
-            await pilot.press("right")
-            await settle(pilot)
+            await press(pilot, "right")
             shown = shown_map(app)
             seen.append(("TAK ALPHA 1" in shown, "TAK RED 7" in shown))
         begin = len(seen) - len(lost) - len(story.reported())

@@ -1,7 +1,8 @@
 """A rule is edited in the policy browser: checked, tried, saved; nothing typed is ever lost."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from pa_console.tui.screens.rule_editor import RuleEditor
 from pa_console.tui.terminal import editor_command
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import ScriptedStation, console, notices, press, settle, until
 
 pytestmark = pytest.mark.long
 
@@ -74,11 +75,10 @@ def opened(
     return app, station
 
 
-async def browse(pilot: Pilot[Any], station: ScriptedStation, *keys: str) -> PolicyScreen:
+async def browse(pilot: Pilot[Any], *keys: str) -> PolicyScreen:
     """Open the browser with the pointer in its list."""
-    await settle(pilot, station)
-    await pilot.press("f6")
     await settle(pilot)
+    await press(pilot, "f6")
     screen = pilot.app.screen
     assert isinstance(screen, PolicyScreen)
     screen.query_one("#policy-list").focus()
@@ -87,14 +87,24 @@ async def browse(pilot: Pilot[Any], station: ScriptedStation, *keys: str) -> Pol
     return screen
 
 
-async def edit(pilot: Pilot[Any], station: ScriptedStation, *keys: str) -> RuleEditor:
+async def edit(pilot: Pilot[Any], *keys: str) -> RuleEditor:
     """Open the editor on the rule that `keys` lead to, and wait until it was checked."""
-    await browse(pilot, station, *keys)
+    await browse(pilot, *keys)
     await until(pilot, lambda: isinstance(pilot.app.screen, RuleEditor))
     screen = pilot.app.screen
     assert isinstance(screen, RuleEditor)
     await until(pilot, lambda: screen.checked)
     return screen
+
+
+@asynccontextmanager
+async def editing(
+    rules: Path, *keys: str, payloads: list[EventPayload] | None = None
+) -> AsyncGenerator[tuple[ConsoleApp, Pilot[Any], ScriptedStation, RuleEditor], None]:
+    """Open a console with the editor on the rule that `keys` lead to."""
+    app, station = opened(rules, payloads)
+    async with app.run_test(size=SIZE) as pilot:
+        yield app, pilot, station, await edit(pilot, *keys)
 
 
 async def write(pilot: Pilot[Any], editor: RuleEditor, old: str, new: str) -> None:
@@ -133,9 +143,7 @@ def listing(app: ConsoleApp) -> OptionList:
 
 
 async def test_a_rule_is_checked_as_it_is_typed_and_saved_alone(rules: Path) -> None:
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+    async with editing(rules, "e") as (app, pilot, station, editor):
         assert editor.text.startswith("# Blocked blind.\nid: ROE-02\n")
         assert "compiles, 2 examples right" in said(editor)
         await write(pilot, editor, "== 'block'", "= 'block'")
@@ -156,9 +164,7 @@ async def test_a_rule_is_checked_as_it_is_typed_and_saved_alone(rules: Path) -> 
 
 
 async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> None:
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "down", "enter")
+    async with editing(rules, "down", "enter") as (app, pilot, _, editor):
         await write(pilot, editor, "high", "medium")
         await pilot.press("escape")
         await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
@@ -166,7 +172,7 @@ async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> 
         option = listing(app).get_option_at_index(1)
         assert "✎WF-03" in str(option.prompt)
         await pilot.press("e")
-        await until(pilot, lambda: isinstance(app.screen, RuleEditor))
+        await until(pilot, lambda: app.screen.query("#rule-text"))
         again = app.screen
         assert isinstance(again, RuleEditor)
         assert "priority: medium" in again.text
@@ -177,15 +183,11 @@ async def test_a_draft_outlives_the_editor_and_can_be_discarded(rules: Path) -> 
 
 
 async def test_a_draft_outlives_the_console_until_it_is_saved(rules: Path) -> None:
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "down", "e")
+    async with editing(rules, "down", "e") as (app, pilot, station, editor):
         await write(pilot, editor, "high", "medium")
         kept = {path: path.read_bytes() for path in rules.parent.glob("drafts/*")}
     assert len(kept) == 1, "what is typed is on the disk before the console is left"
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "down", "e")
+    async with editing(rules, "down", "e") as (app, pilot, station, editor):
         assert "priority: medium" in editor.text
         await pilot.press("ctrl+s")
         await until(pilot, lambda: station.reloads)
@@ -204,7 +206,7 @@ async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
     app, station = opened(rules)
     theirs = RULES.replace("# cover", "# theirs")
     async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+        editor = await edit(pilot, "e")
         await write(pilot, editor, "message: ", "message:  ")
         rules.write_text(theirs)
         await pilot.press("ctrl+s")
@@ -218,9 +220,7 @@ async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
 
 
 async def test_a_file_that_cannot_be_written_leaves_the_draft(rules: Path) -> None:
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+    async with editing(rules, "e") as (app, pilot, _, editor):
         await write(pilot, editor, "critical", "high")
         rules.chmod(0o444)
         await pilot.press("ctrl+s")
@@ -235,9 +235,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
 ) -> None:
     monkeypatch.setenv(KEY_VARIABLE, str(rules.parent / "mine.pem"))
     sign_rules(rules, read_rule_set(rules)[1], load_signer())
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+    async with editing(rules, "e") as (app, pilot, station, editor):
         await write(pilot, editor, "critical", "high")
         await pilot.press("ctrl+s")
         assert "is not what was signed any more" in await answer(pilot, "y")
@@ -253,9 +251,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
 
 
 async def test_a_rule_is_added_without_python_and_removed_after_a_question(rules: Path) -> None:
-    app, station = opened(rules)
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "down", "n")
+    async with editing(rules, "down", "n") as (app, pilot, station, editor):
         assert "id: WF-04" in editor.text
         assert "compiles, 2 examples right" in said(editor)
         await pilot.press("ctrl+s")
@@ -266,7 +262,7 @@ async def test_a_rule_is_added_without_python_and_removed_after_a_question(rules
         await pilot.press("escape")
         await until(pilot, lambda: isinstance(app.screen, PolicyScreen))
         replaced(station, book, "WF-04 added")
-        await settle(pilot, station)
+        await settle(pilot)
         await until(pilot, lambda: listing(app).option_count == 3)
         listing(app).highlighted = 2
         await pilot.press("delete")
@@ -289,11 +285,11 @@ def replaced(station: ScriptedStation, book: Rulebook, *changes: str) -> None:
 async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> None:
     app, station = opened(rules)
     async with app.run_test(size=SIZE) as pilot:
-        screen = await browse(pilot, station, "down")
+        screen = await browse(pilot, "down")
         rules.write_text(RULES.replace("at all times", "always"))
         replaced(station, load_rules(rules), "WF-03 changed")
         station.emit(Noticed(level="alarm", subject="rules", text="not taken"), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         await until(pilot, lambda: "always" in str(screen.query_one(TextRows).render()))
         assert notices(app) == ["not taken"]
         assert app.controllers.rules.rulebook.seal == load_rules(rules).seal
@@ -302,17 +298,20 @@ async def test_the_browser_shows_the_set_that_came_into_force(rules: Path) -> No
 async def test_the_console_searches_what_the_station_has_indexed(rules: Path) -> None:
     app, station = opened(rules)
     async with app.run_test(size=SIZE) as pilot:
-        await browse(pilot, station)
+        await browse(pilot)
         rules.write_text(RULES.replace("at all times", "always"))
         replaced(station, load_rules(rules), "WF-03 changed")
-        await settle(pilot, station)
+        await settle(pilot)
         await until(pilot, lambda: app.controllers.rules.retriever is station.retriever)
 
 
 async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rules: Path) -> None:
-    app, station = opened(rules, story.told("approval"))
-    async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+    async with editing(rules, "e", payloads=story.told("approval")) as (
+        _,
+        pilot,
+        _,
+        editor,
+    ):
         for words in ("now, nobody moves: ✔ complies", "now, the last plan (M-003): ✔ complies",
                       "M-003 #1: ✔ complies"):  # fmt: skip
             assert words in results(editor)
@@ -321,9 +320,9 @@ async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rule
 
 
 async def test_a_rule_leads_to_the_missions_it_had_to_do_with(rules: Path) -> None:
-    app, station = opened(rules, story.told("approval", broken=("WF-03",)))
+    app, _ = opened(rules, story.told("approval", broken=("WF-03",)))
     async with app.run_test(size=SIZE) as pilot:
-        screen = await browse(pilot, station, "down")
+        screen = await browse(pilot, "down")
         text = plain(screen.query_one(TextRows).render())
         assert "in this session M-003 Have a look" in text
         assert "retrieved 0.38 #1 ✘ VIOLATES a gate is left without cover" in text
@@ -334,9 +333,9 @@ async def test_a_rule_leads_to_the_missions_it_had_to_do_with(rules: Path) -> No
 
 
 async def test_a_read_only_console_edits_nothing(rules: Path) -> None:
-    app, station = opened(rules, readonly=True)
+    app, _ = opened(rules, readonly=True)
     async with app.run_test(size=SIZE) as pilot:
-        screen = await browse(pilot, station, "e", "n", "delete")
+        screen = await browse(pilot, "e", "n", "delete")
         await pilot.pause()
         assert app.screen is screen
         assert set(notices(app)) == {"the console is read-only"}
@@ -345,10 +344,10 @@ async def test_a_read_only_console_edits_nothing(rules: Path) -> None:
 async def test_without_a_terminal_of_its_own_the_editor_is_not_begun(
     rules: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    app, station = opened(rules)
+    app, _ = opened(rules)
     monkeypatch.setenv("VISUAL", f"{sys.executable} -c pass")
     async with app.run_test(size=SIZE) as pilot:
-        editor = await edit(pilot, station, "e")
+        editor = await edit(pilot, "e")
         before = editor.text
         await pilot.press("ctrl+o")
         await until(pilot, lambda: notices(app))
@@ -367,10 +366,10 @@ def test_an_editor_that_is_not_there_is_named(
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 def test_screen(snap_compare: Callable[..., bool], rules: Path, size: tuple[int, int]) -> None:
-    app, station = opened(rules, story.told("approval"))
+    app, _ = opened(rules, story.told("approval"))
 
     async def run(pilot: Pilot[Any]) -> None:
-        editor = await edit(pilot, station, "e")
+        editor = await edit(pilot, "e")
         await write(pilot, editor, "== 'block'", "== 'identify'")
         editor.query_one("#rule-title", Static).update("Rule ROE-02  ✎ not saved")
 

@@ -15,7 +15,7 @@ from pa_console.tui.screens.sessions import SessionRows, SessionsScreen
 from pa_console.tui.widgets.row_views import TextRows
 from tests.session.logs import write_log
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, console, notices, settle, until
+from tests.tui.scripted import ScriptedStation, console, notices, press, settle, until
 from tests.tui.test_replay import happened, otherwise
 
 pytestmark = pytest.mark.long
@@ -34,7 +34,7 @@ def opened(tmp_path: Path) -> tuple[ConsoleApp, ScriptedStation]:
 
 async def look(pilot: Pilot[Any], station: ScriptedStation) -> SessionRows:
     """Open the screen of sessions and wait until every log was checked."""
-    await settle(pilot, station)
+    await settle(pilot)
     await pilot.press("escape", "L")
     assert isinstance(pilot.app.screen, SessionsScreen)
     listing = pilot.app.screen.query_one(SessionRows)
@@ -44,7 +44,7 @@ async def look(pilot: Pilot[Any], station: ScriptedStation) -> SessionRows:
 
 
 def sheet(app: ConsoleApp) -> str:
-    return str(app.screen.query_one("#sessions-sheet", TextRows).render())
+    return str(app.screen.query_one("#list-sheet", TextRows).render())
 
 
 @pytest.mark.parametrize("size", [(60, 18), (80, 24), (120, 36)])
@@ -55,7 +55,7 @@ async def test_every_session_is_listed_with_how_it_ended_and_whether_it_is_sound
     async with app.run_test(size=size) as pilot:
         listing = await look(pilot, station)
         assert len(listing.keys) == 2
-        title = str(app.screen.query_one("#sessions-title", Static).render())
+        title = str(app.screen.query_one("#list-title", Static).render())
         assert "2 recorded sessions" in title
         mission = story.MISSION.said
         assert listing.text.count(mission[:12]) == 2
@@ -70,8 +70,7 @@ async def test_a_session_is_opened_and_one_comes_back_to_the_list(tmp_path: Path
     app, station = opened(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         await look(pilot, station)
-        await pilot.press("enter")
-        await settle(pilot)
+        await press(pilot, "enter")
         assert isinstance(app.screen, RecordingScreen)
         await pilot.press("escape")
         assert isinstance(app.screen, SessionsScreen)
@@ -85,8 +84,7 @@ async def test_two_sessions_are_compared_but_none_with_itself(tmp_path: Path) ->
         assert "this is the same session" in notices(app)[-1]
         await pilot.press("escape")
         assert (listing.marked, isinstance(app.screen, SessionsScreen)) == ("", True)
-        await pilot.press("c", "down", "c")
-        await settle(pilot)
+        await press(pilot, "c", "down", "c")
         assert isinstance(app.screen, CompareScreen)
 
 
@@ -94,8 +92,7 @@ async def test_a_session_is_exported_with_all_its_missions(tmp_path: Path) -> No
     app, station = opened(tmp_path)
     async with app.run_test(size=(80, 24)) as pilot:
         listing = await look(pilot, station)
-        await pilot.press("x")
-        await settle(pilot)
+        await press(pilot, "x")
         file = tmp_path / "copies" / f"{Path(listing.cursor).stem}-session.txt"
         assert story.MISSION.said in file.read_text()
         assert str(file) in notices(app)[-1]

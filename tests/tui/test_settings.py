@@ -18,7 +18,7 @@ from pa_console.tui.theme import DEFAULT_THEME
 from pa_console.tui.widgets.bars import StatusBar
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, press, settle
 
 Compare = Callable[..., bool]
 SIZE = (120, 36)
@@ -34,9 +34,8 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 async def opened(pilot: Pilot[Any], station: ScriptedStation, row: str) -> SettingsScreen:
     """Open the settings and put the pointer on `row`."""
-    await settle(pilot, station)
-    await pilot.press("escape", "O")
     await settle(pilot)
+    await press(pilot, "escape", "O")
     screen = pilot.app.screen
     assert isinstance(screen, SettingsScreen)
     listing = screen.query_one(OptionList)
@@ -62,28 +61,23 @@ async def test_a_value_is_checked_while_it_is_typed_and_saved_with_enter(
         screen.query_one(Input).value = "11"
         await settle(pilot)
         assert "✘" in note(screen)
-        await pilot.press("enter")
-        await settle(pilot)
+        await press(pilot, "enter")
         assert "not saved" in note(screen)
         assert file.read_text() == "# mine\nspeed: 2\n"
         screen.query_one(Input).value = "1.5"
         await settle(pilot)
         assert "✔" in note(screen)
-        await pilot.press("enter")
-        await settle(pilot)
+        await press(pilot, "enter")
         assert file.read_text() == "# mine\nspeed: 2\napproval_delay_s: 1.5\n"
         assert "in force now" in note(screen)
         assert app.session.main is not None
         assert app.session.main.query_one(ApprovalPanel).arm_delay_s == 1.5
-        await pilot.press("delete")
-        await settle(pilot)
+        await press(pilot, "delete")
         assert file.read_text() == "# mine\nspeed: 2\n"
-        await pilot.press("enter", "7", "escape")
-        await settle(pilot)
+        await press(pilot, "enter", "7", "escape")
         assert screen.query_one(Input).value == "0.6"
         assert app.screen is screen
-        await pilot.press("escape")
-        await settle(pilot)
+        await press(pilot, "escape")
         assert app.screen is app.session.main
         assert file.read_text() == "# mine\nspeed: 2\n"
 
@@ -111,8 +105,7 @@ async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
         assert "from the next start" in help_text
         await pilot.press("enter")
         screen.query_one(Input).value = "2"
-        await pilot.press("enter")
-        await settle(pilot)
+        await press(pilot, "enter")
         assert "PA_CONSOLE_SPEED wins over it" in note(screen)
         assert "speed: 2.0" in file.read_text()
 
@@ -125,16 +118,12 @@ async def test_a_key_is_moved_and_the_help_shows_it(file: Path, show: Show) -> N
         await settle(pilot)
         assert "F8 is the key of cancel" in note(screen)
         screen.query_one(Input).value = "f11"
-        await pilot.press("enter")
-        await settle(pilot)
-        await pilot.press("escape", "f9")
-        await settle(pilot, station)
+        await press(pilot, "enter")
+        await press(pilot, "escape", "f9")
         assert station.stopped == 0
-        await pilot.press("f11")
-        await settle(pilot, station)
+        await press(pilot, "f11")
         assert station.stopped == 1
-        await pilot.press("f1")
-        await settle(pilot)
+        await press(pilot, "f1")
         assert isinstance(app.screen, HelpScreen)
         assert "F11 S" in str(app.screen.query_one(TextRows).render())
 
@@ -145,8 +134,7 @@ async def test_what_was_chosen_is_in_force_from_the_start(file: Path, show: Show
         assert app.theme == "pa-console-light"
         assert app.session.main is not None
         assert app.session.main.query_one(StatusBar).stale_after_s == 20.0
-        await pilot.press("f11")
-        await settle(pilot, station)
+        await press(pilot, "f11")
         assert station.stopped == 1
 
 
@@ -163,11 +151,10 @@ async def test_what_cannot_be_used_does_not_keep_the_console_from_starting(
 
     monkeypatch.setattr(app.session, "tell", tell)
     async with app.run_test(size=SIZE) as pilot:
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.theme == DEFAULT_THEME
         assert [f"{file}:{line}: " in text for line, text in enumerate(told, 1)] == [True, True]
-        await pilot.press("f6")
-        await settle(pilot)
+        await press(pilot, "f6")
         assert isinstance(app.screen, PolicyScreen)
 
 

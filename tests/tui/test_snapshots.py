@@ -97,7 +97,7 @@ def before(
     """Bring the console into the state to be looked at."""
 
     async def run(pilot: Pilot[Any]) -> None:
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += 1.0
         app = pilot.app
         assert isinstance(app, ConsoleApp)
@@ -198,7 +198,7 @@ def test_answered(
     async def run(pilot: Pilot[Any]) -> None:
         await before(station, clock, ("escape", "slash", *question, "enter"))(pilot)
         await until(pilot, lambda: len(station.told) == 1)
-        await settle(pilot, station)
+        await settle(pilot)
 
     assert snap_compare(app, terminal_size=SIZES[size], run_before=run)
 

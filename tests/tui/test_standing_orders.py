@@ -21,7 +21,7 @@ from pa_console.tui.screens.standing_orders import StandingOrdersScreen
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, settle
+from tests.tui.scripted import ScriptedStation, Show, console, press, settle
 from tests.tui.site import picture
 
 pytestmark = pytest.mark.long
@@ -86,37 +86,30 @@ async def test_it_is_shown_in_words_and_as_cel_and_approved_or_rejected_as_it_is
         assert app.screen.query_one("#modify", Button).disabled
         await pilot.press("m", "enter")
         assert station.decisions == []
-        await pilot.press("a", "enter")
-        await settle(pilot, station)
-        assert [decision.kind for decision in station.decisions] == ["approve"]
+        await press(pilot, "a", "enter")
+        assert station.decided == ["approve"]
         assert station.decisions[0].request_id == REQUEST.request_id
 
 
 @pytest.mark.parametrize("size", [(60, 18), (120, 36)])
 async def test_all_are_listed_with_what_they_have_started_and_can_be_revoked(
-    tmp_path: Path, size: tuple[int, int]
+    show: Show, size: tuple[int, int]
 ) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=size) as pilot:
+    async with show(story.opening(), size=size) as (app, pilot, station, _):
         in_force(station)
-        await settle(pilot, station)
-        await pilot.press("escape", "V")
         await settle(pilot)
+        await press(pilot, "escape", "V")
         screen = app.screen
         assert isinstance(screen, StandingOrdersScreen)
-        assert "1 standing order in force" in str(
-            screen.query_one("#standing-title", Static).render()
-        )
+        assert "1 standing order in force" in str(screen.query_one("#list-title", Static).render())
         assert "in force" in screen.listing.text
-        sheet = words(app, "#standing-sheet")
+        sheet = words(app, "#list-sheet")
         for part in (ORDER.condition, "M-777 for Drone_T01", "Drone_T02: it is busy"):
             assert part in sheet
-        await pilot.press("x")
-        await settle(pilot, station)
+        await press(pilot, "x")
         screen.look()
         assert station.changed == [("S1", "revoke")]
-        assert "revoked by operator" in words(app, "#standing-sheet")
+        assert "revoked by operator" in words(app, "#list-sheet")
         await pilot.press("x")
         assert station.changed == [("S1", "revoke")], "once"
         await pilot.press("escape")
@@ -129,9 +122,8 @@ async def test_leaving_with_one_in_force_asks_once_and_says_what_ends(show: Show
         station.emit(
             ev.MissionFinished(status="held", reason="x", metrics=Metrics()), mission=STARTED.id
         )
-        await settle(pilot, station)
-        await pilot.press("f2", "q", "enter")
         await settle(pilot)
+        await press(pilot, "f2", "q", "enter")
         asked_so = str(app.screen.query_one("#confirm Static", Static).render())
         assert "S1" in asked_so
         assert TEXT in asked_so
@@ -144,18 +136,16 @@ async def test_one_key_gives_those_of_the_last_session_again_and_once(tmp_path: 
     last.orders = (TEXT,)
     station = ScriptedStation(story.opening())
     async with console(station, tmp_path, last=last).run_test(size=(120, 36)) as pilot:
-        await settle(pilot, station)
+        await settle(pilot)
         for _ in range(2):
-            await pilot.press("ctrl+n")
-            await settle(pilot, station)
+            await press(pilot, "ctrl+n")
     assert station.submitted == [TEXT]
 
 
 async def test_without_one_the_screen_says_how_to_give_one(show: Show) -> None:
     async with show(story.opening(), size=(80, 24)) as (app, pilot, _, _):
-        await pilot.press("escape", "V")
-        await settle(pilot)
-        assert "Whenever a drone is below 20 %, relieve it." in words(app, "#standing-sheet")
+        await press(pilot, "escape", "V")
+        assert "Whenever a drone is below 20 %, relieve it." in words(app, "#list-sheet")
 
 
 async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
@@ -200,30 +190,23 @@ NEXT = ev.StandingOrderScheduled(
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
 async def test_a_timed_order_shows_its_moments_and_is_paused_skipped_and_given_again(
-    tmp_path: Path, size: tuple[int, int]
+    show: Show, size: tuple[int, int]
 ) -> None:
-    station = ScriptedStation(story.opening())
-    app = console(station, tmp_path)
-    async with app.run_test(size=size) as pilot:
-        await settle(pilot, station)
+    async with show(story.opening(), size=size) as (app, pilot, station, _):
         station.emit(ev.StandingOrderApproved(order=TIMED, by="operator"), mission=None)
         station.emit(NEXT, mission=None)
-        await settle(pilot, station)
-        await pilot.press("escape", "V")
         await settle(pilot)
+        await press(pilot, "escape", "V")
         screen = app.screen
         assert isinstance(screen, StandingOrdersScreen)
         left = clock_text(600.0 - app.session.shown_state.time_s)
         assert f"16:55:00 in {left}" in screen.listing.text
-        assert "every 10 minutes from 16:45" in words(app, "#standing-sheet")
-        await pilot.press("p")
-        await settle(pilot, station)
+        assert "every 10 minutes from 16:45" in words(app, "#list-sheet")
+        await press(pilot, "p")
         screen.look()
         assert "paused" in screen.listing.text
-        await pilot.press("p")
-        await settle(pilot, station)
-        await pilot.press("s", "x")
-        await settle(pilot, station)
+        await press(pilot, "p")
+        await press(pilot, "s", "x")
         screen.look()
         changes = ["pause", "resume", "skip", "revoke"]
         assert station.changed == [("S2", change) for change in changes]
@@ -251,7 +234,7 @@ async def test_an_order_for_one_moment_says_when_it_runs_and_counts_down(show: S
         assert "Will run once at 16:45:00 UTC" in said
         assert "until you revoke it" not in said
         station.emit(ev.TelemetryReceived(picture=picture(600.0)))
-        await settle(pilot, station)
+        await settle(pilot)
         assert app.screen.query_one(ApprovalPanel).border_title == "✔ Approve · in 01:00"
         said = words(app, "#approval-text")
         assert "now Send Drone_T04 to the north gate." in said
@@ -259,7 +242,7 @@ async def test_an_order_for_one_moment_says_when_it_runs_and_counts_down(show: S
             status="verified", reason="S3 will run once at 16:45:00", metrics=Metrics()
         )
         station.emit(done)
-        await settle(pilot, station)
+        await settle(pilot)
         assert "✔ approved S3 will run once at 16:45:00" in words_of_head(app)
 
 

@@ -1,59 +1,40 @@
 """The status bar says what the model does, and how the servers are that the session has."""
 
-from pathlib import Path
-
 import pytest
 
 from pa_console.schema.events import event as ev
 from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import story
-from tests.tui.scripted import ScriptedStation, Show, console, settle
+from tests.tui.scripted import Show, settle
 from tests.tui.site import WORLD, picture
 from tests.tui.test_log_alarm import top_line
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_that_answers_are_slow_because_the_machine_is_busy(
-    tmp_path: Path, size: tuple[int, int]
-) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=size) as pilot:
-        station.emit(ev.WorkerChanged(state="slow"), mission=None)
-        await settle(pilot, station)
-        assert "slow, busy machine" in top_line(app)[0]
-        station.emit(ev.WorkerChanged(state="ready"), mission=None)
-        await settle(pilot, station)
-        assert "slow" not in top_line(app)[0]
+def server(state: str) -> ev.EventPayload:
+    """The state of a server that the planner's model is on."""
+    named = {"server": "openai:http://127.0.0.1/v1#m", "serves": ("planner",), "state": state}
+    return ev.ServerChanged.model_validate(named)
+
+
+SAYS = (
+    (ev.WorkerChanged(state="slow"), "slow, busy machine"),
+    (ev.WorkerChanged(state="unconfined", detail="no Landlock"), "model △ not confined"),
+    (ev.WorkerChanged(state="ready"), ""),
+    (server("ready"), "server ● ready"),
+    (server("unconstrained"), "server △ not constrained"),
+    (server("away"), "server ✘ away"),
+)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_that_the_process_of_the_model_is_not_confined(
-    size: tuple[int, int], show: Show
-) -> None:
+async def test_it_says_what_the_model_and_its_server_do(size: tuple[int, int], show: Show) -> None:
     async with show(story.told("approval"), size=size) as (app, pilot, station, _):
-        station.emit(ev.WorkerChanged(state="unconfined", detail="no Landlock"), mission=None)
-        await settle(pilot, station)
-        assert "model △ not confined" in top_line(app)[0]
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 36)])
-async def test_it_says_how_the_server_of_a_model_is_where_one_is_named(
-    tmp_path: Path, size: tuple[int, int]
-) -> None:
-    station = ScriptedStation(story.told("approval"))
-    app = console(station, tmp_path)
-    async with app.run_test(size=size) as pilot:
         assert "server" not in top_line(app)[0]
-        for state, word in (
-            ("ready", "server ● ready"),
-            ("unconstrained", "server △ not constrained"),
-            ("away", "server ✘ away"),
-        ):
-            changed = {"server": "openai:http://127.0.0.1/v1#m", "serves": ("planner",)}
-            station.emit(ev.ServerChanged.model_validate({**changed, "state": state}), mission=None)
-            await settle(pilot, station)
-            assert word in top_line(app)[0]
+        for payload, words in SAYS:
+            station.emit(payload, mission=None)
+            await settle(pilot)
+            line = top_line(app)[0]
+            assert words in line if words else "slow" not in line
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 36)])
@@ -64,15 +45,15 @@ async def test_it_says_how_the_tak_server_is_and_how_many_contacts_it_reports(
     async with show(story.opening(), size=size) as (app, pilot, station, _):
         assert "TAK" not in top_line(app)[0]
         station.emit(story.TAK_UP, mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert ("TAK ● connected" if wide else "TAK ●") in top_line(app)[0]
         station.emit(*story.reported(), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         assert ("TAK ● 2 contacts" if wide else "TAK ● 2") in top_line(app)[0]
         gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
         down = story.TAK_UP.model_copy(update=gone)
         station.emit(down, mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         since = "away since 09:30" if wide else "since 09:30"
         assert f"TAK ✘ {since}" in top_line(app)[0]
         lines = app.session.state.notices
@@ -85,7 +66,7 @@ async def test_the_title_makes_room_for_what_has_to_be_known(show: Show) -> None
         gone = {"state": "away", "detail": "no connection to tls://tak.example:8089: gone"}
         slow = ev.WorkerChanged(state="slow")
         station.emit(slow, story.TAK_UP.model_copy(update=gone), mission=None)
-        await settle(pilot, station)
+        await settle(pilot)
         line = top_line(app)[0]
         assert WORLD.title not in line
         assert "slow, busy machine" in line
@@ -105,7 +86,7 @@ async def test_that_it_waits_for_you_and_an_uncovered_gate_are_seen_whatever_els
             ev.TelemetryReceived(picture=now),
             mission=None,
         )
-        await settle(pilot, station)
+        await settle(pilot)
         bar = str(app.screen.query_one(StatusBar).render())
         assert "WAITS FOR YOU" in bar
         assert "UNCOVERED" in bar

@@ -3,21 +3,12 @@
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action
-from pa_console.session.state import SessionState
 from pa_console.tui.approval.plan_rows import approval_rows
 from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.widgets.alarms import AlarmBar
 from pa_console.tui.widgets.bars import StatusBar
 from tests.tui import living, story
-from tests.tui.scripted import ScriptedStation, Show, notices, settle
-
-
-def folded(payloads: list[ev.EventPayload]) -> SessionState:
-    """Return the session after `payloads`."""
-    state = SessionState()
-    for event in story.stamped(payloads):
-        state.apply(event)
-    return state
+from tests.tui.scripted import Show, notices, press
 
 
 async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(show: Show) -> None:
@@ -29,8 +20,7 @@ async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(show:
             await pilot.press("ctrl+l")
             await pilot.pause()
             assert isinstance(app.screen, Confirm)
-            await pilot.press(answer)
-            await settle(pilot, station)
+            await press(pilot, answer)
             assert not isinstance(app.screen, Confirm)
         assert station.released == 0
         await pilot.press("ctrl+l")
@@ -38,35 +28,22 @@ async def test_a_stop_is_released_by_its_key_and_a_yes_and_by_nothing_less(show:
         question = str(app.screen.query("Static").first().render())
         assert "7 assets confirmed" in question
         assert "Not confirmed: Drone_T01" in question
-        await pilot.press("y")
-        await settle(pilot, station)
+        await press(pilot, "y")
         assert station.released == 1
         assert "ALL STOPPED" not in str(bar.render())
         assert "STOPPED" not in str(status.render())
-        await pilot.press("ctrl+l")
-        await settle(pilot, station)
+        await press(pilot, "ctrl+l")
         assert station.released == 1, "there is nothing to release"
 
 
 async def test_whoever_stops_everything_is_told_how_to_release_it(show: Show) -> None:
-    async with show(story.opening()) as (app, pilot, station, _):
-        await pilot.press("f9")
-        await settle(pilot, station)
+    async with show(story.opening()) as (app, pilot, _, _):
+        await press(pilot, "f9")
         assert any("release the stop (^l)" in text for text in notices(app))
 
 
-async def test_a_refused_mission_stays_in_its_field(show: Show) -> None:
-    station = ScriptedStation(living.stopped())
-    station.refuse = "everything is stopped"
-    async with show(station) as (app, pilot, station, _):
-        await pilot.press("i", "g", "o", "enter")
-        await settle(pilot, station)
-        assert not station.submitted
-        assert any("everything is stopped" in text for text in notices(app))
-
-
 def test_the_way_to_safety_is_told_before_anybody_approves() -> None:
-    trace = folded(story.told("approval")).current
+    trace = story.folded(story.told("approval")).current
     assert trace is not None
     assert trace.approval is not None
     declared = (
@@ -88,5 +65,7 @@ def test_the_way_to_safety_is_told_before_anybody_approves() -> None:
 
 def test_what_the_gate_kept_back_is_in_the_list_of_events() -> None:
     order = DeviceCommand(command_id="x", agent="Drone_T01", verb="move_to", target="WestGate")
-    state = folded([*story.opening(), ev.CommandRefused(command=order, reason="all is stopped")])
+    state = story.folded(
+        [*story.opening(), ev.CommandRefused(command=order, reason="all is stopped")]
+    )
     assert "move_to WestGate: all is stopped" in [notice.text for notice in state.notices]

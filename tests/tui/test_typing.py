@@ -14,7 +14,7 @@ from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.widgets.alarms import AlarmPane
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from tests.tui import living, story
-from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, settle
+from tests.tui.scripted import FakeClock, ScriptedStation, Show, notices, press, settle
 
 NAMES = {" ": "space", ".": "full_stop", ",": "comma", "\n": "enter"}
 
@@ -59,31 +59,13 @@ async def test_prose_at_the_approval_is_the_reason_and_decides_nothing(
     ):
         clock.now += ARM_DELAY_S
         await Typist(pilot, clock, gap).types(text + "\n\n")
-        await settle(pilot, station)
+        await settle(pilot)
         assert given_commands(station) == []
         assert isinstance(app.screen, MainScreen)
         written = reason(app)
         missing = text.removesuffix(written)
         assert missing != text
         assert missing == "" if gap < TEXT_S else len(missing) < 3
-
-
-async def test_approve_without_the_reason_that_it_needs_goes_to_the_reason(show: Show) -> None:
-    async with show(story.told("approval", verdict="Failure"), keys_by_clock=True) as (
-        app,
-        pilot,
-        station,
-        clock,
-    ):
-        clock.now += ARM_DELAY_S
-        await pilot.press("a")
-        assert app.screen.query_one("#approval-reason", Input).has_focus
-        clock.now += 2.0
-        await Typist(pilot, clock).types("seen\n")
-        clock.now += 2.0
-        await Typist(pilot, clock).types("a\n")
-        await settle(pilot, station)
-        assert [(made.kind, made.reason) for made in station.decisions] == [("approve", "seen")]
 
 
 async def test_a_letter_goes_to_its_button_and_enter_presses_it(show: Show) -> None:
@@ -94,9 +76,8 @@ async def test_a_letter_goes_to_its_button_and_enter_presses_it(show: Show) -> N
             await pilot.press(key)
             assert app.screen.query_one(f"#{button}", Button).has_focus
         assert station.decisions == []
-        await pilot.press("enter")
-        await settle(pilot, station)
-        assert [made.kind for made in station.decisions] == ["reject"]
+        await press(pilot, "enter")
+        assert station.decided == ["reject"]
 
 
 async def test_typing_goes_on_where_a_plan_comes_up_and_does_nothing(show: Show) -> None:
@@ -105,9 +86,9 @@ async def test_typing_goes_on_where_a_plan_comes_up_and_does_nothing(show: Show)
         typist = Typist(pilot, clock)
         await typist.types("Drone is ")
         station.emit(*story.judged())
-        await settle(pilot, station)
+        await settle(pilot)
         await typist.types("already in position, Stop.\n\n")
-        await settle(pilot, station)
+        await settle(pilot)
         assert given_commands(station) == []
         assert app.screen.query_one(MissionInput).text == ""
         assert app.screen.query_one(ApprovalPanel).display
@@ -122,7 +103,7 @@ async def test_prose_elsewhere_gives_no_command(text: str, gap: float, show: Sho
         first, rest = text[:2], text[2:6]
         await Typist(pilot, clock, gap).types(first)
         await Typist(pilot, clock, 0.1).types(rest + "\n")
-        await settle(pilot, station)
+        await settle(pilot)
         assert given_commands(station) == []
         assert app.session.main is not None
         assert app.session.main.query_one(MissionInput).text == ""
@@ -164,8 +145,7 @@ async def test_a_letter_that_only_looks_acts_at_once_and_again_and_again(show: S
         assert app.screen.query_one(AlarmPane).cursor != first
         await pilot.press("escape")
         clock.now += 2.0
-        await pilot.press("p")
-        await settle(pilot)
+        await press(pilot, "p")
         assert not isinstance(app.screen, MainScreen)
 
 
@@ -184,7 +164,7 @@ async def test_a_key_of_the_approval_says_elsewhere_where_to_go(key: str, show: 
         await pilot.press("f2", key)
         assert notices(app)[-1] == "no plan waits for a decision"
         station.emit(*story.judged())
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += ARM_DELAY_S
         await pilot.press("f2", key)
         assert notices(app)[-1] == "F7 goes to the plan that waits; the key decides there"
@@ -195,13 +175,11 @@ async def test_a_second_enter_after_a_decision_sends_no_half_typed_mission(show:
     async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await Typist(pilot, clock).types("and the")
         station.emit(*story.judged())
-        await settle(pilot, station)
+        await settle(pilot)
         clock.now += 2.0
-        await pilot.press("f7", "a", "enter")
-        await settle(pilot, station)
-        await pilot.press("enter")
-        await settle(pilot, station)
-        assert [made.kind for made in station.decisions] == ["approve"]
+        await press(pilot, "f7", "a", "enter")
+        await press(pilot, "enter")
+        assert station.decided == ["approve"]
         assert station.submitted == []
         assert app.screen.query_one(MissionInput).text == "and the"
 
@@ -254,7 +232,7 @@ async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
             clock.now += drawn.choice((0.0, 0.2, 0.7, 3.0))
             if number == comes:
                 station.emit(*story.judged(verdict=verdict, readings=readings))
-                await settle(pilot, station)
+                await settle(pilot)
                 if drawn.random() < 0.5:
                     await pilot.press("enter", "enter")
             gap = drawn.choice((0.0, 0.05, 0.2, 0.4))
@@ -269,7 +247,7 @@ async def test_nothing_that_was_not_meant_is_commanded_at_an_approval(
                     await Typist(pilot, clock, gap).types(typed + "\n\n" * drawn.randrange(2))
                 case _:
                     app.post_message(events.Paste(f"{drawn.choice(PROSE)}\n{drawn.choice(PROSE)}"))
-            await settle(pilot, station)
+            await settle(pilot)
         assert given_commands(station) == []
         assert app.is_running
         assert app.session.main is not None
@@ -283,6 +261,6 @@ async def test_enters_after_a_text_that_was_typed_ahead_press_no_button(
     async with show(story.told("approval"), keys_by_clock=True) as (app, pilot, station, clock):
         await Typist(pilot, clock, 0.4).types("me too")
         await Typist(pilot, clock, pause).types("\n\n\n")
-        await settle(pilot, station)
+        await settle(pilot)
         assert given_commands(station) == []
         assert app.screen.query_one(ApprovalPanel).display

@@ -79,7 +79,7 @@ def _rows(loaded: LoadedSettings) -> list[dict[str, Any]]:
 
 
 def _problems(loaded: LoadedSettings) -> list[str]:
-    from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
+    from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
     return [str(loaded.error(field, problem)) for field, problem in problems(loaded.values)]
 
@@ -107,7 +107,7 @@ def unset(name: NameArgument) -> None:
 
 def _write(name: str, text: str) -> None:
     """Check and save one setting as the settings screen does; raises ValueError, DocumentError."""
-    from pa_console.tui.settings_rows import choices, to_write  # noqa: PLC0415
+    from pa_console.tui.screens.settings import choices, to_write  # noqa: PLC0415
 
     name = name if name.startswith("keys.") else name.replace("-", "_")
     known = {choice.id: choice for choice in choices()}

@@ -21,7 +21,7 @@ from pa_console.station.answers.alternatives import order_for
 from pa_console.tui.actions import ALT_DIGITS, READING_KEYS
 from pa_console.tui.approval.plan_rows import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.rows import WrappedRow, fact, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
 from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
@@ -30,7 +30,10 @@ MOST_BESIDE = 2
 """The number of plans beside the waiting one; more are shown only for more readings."""
 
 OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
-_LEAD = 11
+_LEAD = 10
+
+LIST_CELLS = 100
+"""The width below which plans stand one below the other."""
 
 
 @dataclass(frozen=True)
@@ -127,20 +130,22 @@ def other_way(
 def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     """Yield the facts to compare, always in the same order."""
     preview = candidate.preview
-    yield row(_lead("read as"), candidate.reading or ("not told", QUIET))
+    yield fact("read as", candidate.reading or ("not told", QUIET), width=_LEAD)
     yield from action_rows(preview)
     yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
-    yield row(_lead("time"), f"{preview.duration_s:.0f} s")
-    yield row(_lead("battery"), _battery(preview))
+    yield fact("time", f"{preview.duration_s:.0f} s", width=_LEAD)
+    yield fact("battery", _battery(preview), width=_LEAD)
     if candidate.broken:
-        yield row(_lead("rules"), ("; ".join(candidate.broken), BAD))
+        yield fact("rules", ("; ".join(candidate.broken), BAD), width=_LEAD)
     else:
-        yield row(_lead("rules"), ("none broken", GOOD))
+        yield fact("rules", ("none broken", GOOD), width=_LEAD)
     chosen = candidate.decision is not None or bool(candidate.order)
     judge = candidate.judge or ("asked once you choose it" if chosen else "not asked")
-    yield row(_lead("judge"), (judge, WARN if judge == "objects" else QUIET if chosen else ""))
+    style = WARN if judge == "objects" else QUIET if chosen else ""
+    yield fact("judge", (judge, style), width=_LEAD)
     sure = f"{candidate.sure:.0%}" if candidate.sure is not None else ""
-    yield row(_lead("confidence"), sure or ("told once you choose it" if chosen else "not told"))
+    told = sure or ("told once you choose it" if chosen else "not told")
+    yield fact("confidence", told, width=_LEAD)
 
 
 def _battery(preview: PlanPreview) -> str:
@@ -149,14 +154,6 @@ def _battery(preview: PlanPreview) -> str:
         return "nobody moves"
     name = min(lines, key=lambda each: lines[each].least_battery_pct)
     return f"at least {lines[name].least_battery_pct:.0f} % ({name})"
-
-
-def _lead(name: str) -> tuple[str, str]:
-    return f"{name:<{_LEAD}}", QUIET
-
-
-LIST_CELLS = 100
-"""The width below which plans stand one below the other."""
 
 
 class CandidateColumn(VerticalScroll, can_focus=True):

@@ -19,6 +19,8 @@ _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
 """The button that each of the panel's letters goes to; Enter presses it."""
 
+REASON = "approval-reason"
+
 
 class DecisionButtons(Horizontal):
     """Reject, Modify, and Approve, which signs a plan of another station where one was joined."""
@@ -41,9 +43,6 @@ class DecisionButtons(Horizontal):
 def is_free(key: str) -> bool:
     """Return whether a key decides nothing at any focus, so that it need not wait."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())
-
-
-REASON = "approval-reason"
 
 
 class MeaningButton(Button):

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from typing import Literal
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -76,14 +77,11 @@ class ApprovalPanel(Vertical, can_focus=True):
 
         decision: Decision
 
-    class ModifyAsked(Message):
-        """The operator wants to change the plan."""
+    @dataclass
+    class Asked(Message):
+        """The operator wants to change the plan, to see others beside it, or its rehearsal."""
 
-    class PlayAsked(Message):
-        """The operator wants to see the rehearsal on the map, or no more of it."""
-
-    class CompareAsked(Message):
-        """The operator wants to see other plans beside the waiting one."""
+        what: Literal["modify", "compare", "play"]
 
     @dataclass
     class LookedAt(Message):
@@ -130,8 +128,8 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def on_mount(self) -> None:
         """Hide until a plan waits."""
-        self.watch(self._body, "scroll_y", self._saw, init=False)
-        self.watch(self._body, "virtual_size", self._saw, init=False)
+        self.watch(self._body, "scroll_y", self.refresh_state, init=False)
+        self.watch(self._body, "virtual_size", self.refresh_state, init=False)
         self.display = False
 
     def show(self, trace: MissionTrace | None, preview: PlanPreview | None = None) -> bool:
@@ -152,16 +150,8 @@ class ApprovalPanel(Vertical, can_focus=True):
             if not self._looked_at and not self._playing:
                 self._body.schedule(preview)
             return False
-        self._shown, self._sent = key, False
+        self._shown, self._sent, self._looked_at = key, False, ""
         self.display = True
-        self._fill(trace, request, preview)
-        self._disarm()
-        return True
-
-    def _fill(
-        self, trace: MissionTrace, request: ApprovalRequested, preview: PlanPreview | None
-    ) -> None:
-        self._looked_at = ""
         self._tell(trace, preview)
         self._body.schedule(preview)
         self._given_fields.ask(trace, request)
@@ -169,7 +159,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._reason.ask(request)
         self._body.begin()
         self.call_after_refresh(self.fit)
-        self.call_after_refresh(self._saw)
+        self.call_after_refresh(self.refresh_state)
+        self.disarm()
+        return True
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
         """Show the facts; meanwhile a workflow may have moved on."""
@@ -181,7 +173,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self._still.show(trace.still):  # what a key would do has moved
             self.set_class(self._still.has_room, "-pictured")
             self._body.begin_anew()
-            self._disarm()
+            self.disarm()
             self.call_after_refresh(self.fit)
 
     def tell_foreseen(self, request_id: str, foreseen: str) -> None:
@@ -234,7 +226,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._width = event.size.width
             self._body.begin_anew()
         self.call_after_refresh(self.fit)
-        self.call_after_refresh(self._saw)
+        self.call_after_refresh(self.refresh_state)
 
     def fit(self) -> None:
         """Give the plan the rows that the buttons and inputs leave it."""
@@ -249,31 +241,11 @@ class ApprovalPanel(Vertical, can_focus=True):
         rows = panel_rows(self.screen.size.height, taken, compact=compact)
         self.styles.max_height = rows
         if self._body.fit(rows - taken):
-            self.call_after_refresh(self._saw)
-
-    def _saw(self) -> None:
-        """Note which lines of the plan are on screen, and what that allows."""
-        self._note_seen()
-        self.refresh_state()
-
-    def _note_seen(self) -> None:
-        """Note which lines of the plan are on screen.
-
-        What is seen before the panel takes keys does not count: it may not be laid out yet.
-        """
-        if self.armed:
-            self._body.note_seen()
-
-    @property
-    def _unseen(self) -> bool:
-        """Return whether a plan that must be read first has not been on screen as a whole."""
-        request = self._request
-        sure = request is not None and request.state == "approve"
-        return not sure and not self._body.read
+            self.call_after_refresh(self.refresh_state)
 
     def action_scroll_plan(self, pages: int) -> None:
         """Show what follows of the plan, or what comes before."""
-        self._saw()
+        self.refresh_state()
         self._body.scroll_pages(pages)
 
     def take_focus(self) -> None:
@@ -289,16 +261,21 @@ class ApprovalPanel(Vertical, can_focus=True):
         """
         return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
 
-    def _disarm(self) -> None:
+    def disarm(self) -> None:
+        """Wait anew for a quiet moment, for a new plan or a key that came too early."""
         self._quiet_since = self._clock()
-        self.set_timer(self.arm_delay_s + 0.05, self._saw)
+        self.set_timer(self.arm_delay_s + 0.05, self.refresh_state)
         self.refresh_state()
 
     def refresh_state(self) -> None:
-        """Show why Approve is not possible, and enable it when it is."""
+        """Show why Approve is not possible, and enable it when it is.
+
+        Lines that are seen before the panel takes keys do not count: they may not be laid out yet.
+        """
         if self._trace is None:
             return
-        self._note_seen()
+        if self.armed:
+            self._body.note_seen()
         if not self._decides:
             self.border_subtitle = "nothing is decided here"
             self._tell_state()
@@ -350,14 +327,12 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._looked_at = asked
             self.post_message(self.LookedAt(asked))
 
-    def on_descendant_blur(self) -> None:
-        """Remove the effect of the next key; away from here no reading is looked at."""
+    @on(events.DescendantBlur)
+    @on(events.Focus)
+    def _focus_moved(self) -> None:
+        """Show the effect of the next key; away from here no reading is looked at."""
         if not self.has_focus_within:
             self._look("")
-        self.refresh_state()
-
-    def on_focus(self) -> None:
-        """Show the effect of the next key."""
         self.refresh_state()
 
     def _tell_state(self) -> None:
@@ -383,15 +358,17 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self._joined is not None and (why := not_to_sign(self._joined, request, made)):
             return why
         left = [box.name or "" for box in self._given_fields.unticked]
-        why = blocked_reason(request, left, self._reason.value)
-        return why or ("✘ Approve: read to the end first (PgDn)" if self._unseen else "")
+        if why := blocked_reason(request, left, self._reason.value):
+            return why
+        unread = request.state != "approve" and not self._body.read
+        return "✘ Approve: read to the end first (PgDn)" if unread else ""
 
     def on_key(self, event: events.Key) -> None:
         """Drop keys typed ahead; each makes the panel wait anew."""
         if not self.armed and not is_free(event.key) and not isinstance(self.app.focused, Input):
             event.stop()
             event.prevent_default()
-            self._disarm()
+            self.disarm()
 
     def action_cycle(self, step: int) -> None:
         """Go from field to field of this panel and round again; Esc leaves it."""
@@ -437,7 +414,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         So it is with the answers to what is asked back.
         """
         if not self.armed:
-            self.type_ahead()
+            self.disarm()
             return
         for button in self._given_fields.meanings[number - 1 : number]:
             self._focus_and_look(button)
@@ -445,23 +422,19 @@ class ApprovalPanel(Vertical, can_focus=True):
     def action_play(self) -> None:
         """Play the rehearsal of the plan on show on the map, or stop it."""
         if self.armed:
-            self.post_message(self.PlayAsked())
+            self.post_message(self.Asked("play"))
 
     def action_compare(self) -> None:
         """Show other plans beside the waiting one."""
         if self.armed:
-            self.post_message(self.CompareAsked())
+            self.post_message(self.Asked("compare"))
         else:
-            self.type_ahead()
-
-    def type_ahead(self) -> None:
-        """Drop a key that came too early; the panel waits anew."""
-        self._disarm()
+            self.disarm()
 
     def end_text(self) -> None:
         """Drop the Enter at the end of a text; one that follows it presses no button either."""
         self.screen.set_focus(self)
-        self._disarm()
+        self.disarm()
 
     def write_reason(self, text: str) -> None:
         """Move to the reason and add the text typed at the buttons."""
@@ -474,7 +447,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self.armed:
             self.write_reason(" ".join(event.text.split()))
         else:
-            self._disarm()
+            self.disarm()
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:
@@ -501,7 +474,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if self._joined is not None and choice != "approve":
             return
         if choice == "modify" and may_modify(request):
-            self.post_message(self.ModifyAsked())
+            self.post_message(self.Asked("modify"))
         elif choice != "approve" or not self._why_not():
             self._send(decision_of(request, button, self._reason.said))
 
@@ -521,4 +494,4 @@ class ApprovalPanel(Vertical, can_focus=True):
     def refused(self) -> None:
         """Take decisions again after the last one could not be delivered."""
         self._sent = False
-        self._disarm()
+        self.disarm()

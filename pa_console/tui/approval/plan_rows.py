@@ -23,7 +23,7 @@ from pa_console.schema.text import clock_text, count
 from pa_console.session.confidence import UNSURE
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.tui.plan_preview import PlanPreview
-from pa_console.tui.rows import Part, WrappedRow, phrased, row
+from pa_console.tui.rows import Part, WrappedRow, fact, phrased, row
 from pa_console.tui.status_words import BAD, CALM, GOOD, KIND_WORDS, NOTE, QUIET, WARN, term
 from pa_console.views.event_words import (
     asked_in_words,
@@ -32,6 +32,9 @@ from pa_console.views.event_words import (
     safety_in_words,
     step_lines,
 )
+
+YOUNG_S = 10.0
+"""The age of a plan from which on it is shown, seconds."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,6 @@ def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
     yield phrased(("Steps  ", QUIET), spent)
     if changed := cover_row(preview):
         yield changed
-
-
-YOUNG_S = 10.0
-"""The age of a plan from which on it is shown, seconds."""
 
 
 def age_words(trace: MissionTrace, now_s: float) -> tuple[str, str]:
@@ -406,9 +405,6 @@ def reading_label(number: int, asked: str) -> Content:
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
 
-_LEAD = 10
-
-
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
     """Yield all facts of a standing order before its approval.
 
@@ -417,21 +413,21 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
     if read.order.once and read.moments:
         yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),
                   f", as {read.order.id}; it is planned and checked then")  # fmt: skip
-        yield row(_lead("order"), read.order.order_in_words)
-        yield row(_lead("approval"), asked_in_words(read.order, read.allowed))
+        yield fact("order", read.order.order_in_words)
+        yield fact("approval", asked_in_words(read.order, read.allowed))
     else:
         holds = "it holds from your approval until you revoke it or the session ends"
         yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"), holds)
         yield from order_rows(read.order, read.allowed)
         if read.order.schedule is not None:
-            yield row(_lead("next"), (moments_in_words(read.moments), "bold"))
+            yield fact("next", (moments_in_words(read.moments), "bold"))
     if foreseen:
-        yield row(_lead("now"), foreseen.removeprefix("reads as: "))
+        yield fact("now", foreseen.removeprefix("reads as: "))
     for start in () if read.order.once else read.now:
         about = f"{start.subject}: " * bool(start.subject)
-        yield row(_lead("now"), (about, "bold"), (start.order, WARN))
+        yield fact("now", (about, "bold"), (start.order, WARN))
     if not read.now and read.order.condition:
-        yield row(_lead("now"), "it would start nothing: the condition holds of nobody")
+        yield fact("now", "it would start nothing: the condition holds of nobody")
 
 
 def order_rows(
@@ -439,19 +435,15 @@ def order_rows(
 ) -> Iterator[WrappedRow]:
     """Yield an order's condition, in words and as CEL, its missions and its approvals."""
     if order.ban is not None:
-        yield row(_lead("ban"), (order.order, "bold"))
+        yield fact("ban", (order.order, "bold"))
         return
     if order.schedule is None:
-        yield row(_lead("whenever"), (order.words, "bold"))
-        yield row(_lead("in CEL"), (order.condition, CALM))
+        yield fact("whenever", (order.words, "bold"))
+        yield fact("in CEL", (order.condition, CALM))
     else:
-        yield row(_lead("moments"), (order.words, "bold"))
-    yield row(_lead("it starts"), order.order_in_words)
+        yield fact("moments", (order.words, "bold"))
+    yield fact("it starts", order.order_in_words)
     style = WARN if order.unasked else ""
-    yield row(_lead("approval"), (asked_in_words(order, allowed), style))
+    yield fact("approval", (asked_in_words(order, allowed), style))
     if order.schedule is None:
-        yield row(_lead("limit"), f"{count(order.most_an_hour, 'start')} an hour")
-
-
-def _lead(name: str) -> tuple[str, str]:
-    return f"{name:<{_LEAD}}", QUIET
+        yield fact("limit", f"{count(order.most_an_hour, 'start')} an hour")

@@ -28,6 +28,18 @@ last."""
 _GOES, _WORKS, _DONE, _FAILS, _NOW = "━", "─", "✔", "✘", "▼"
 _DIGITS = 9
 
+TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
+LEAST_WIDTH = 40
+"""A chart is never narrower."""
+
+ROWS_ELSEWHERE = 6
+"""The lines of the terminal that are neither map nor panel, about."""
+
+WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
+"""The share of the other lines that the panel may take, beside the map and below it."""
+
+LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
+
 
 def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
     """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
@@ -111,12 +123,6 @@ def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
         yield f"{digit}{line * (length - 1)}", "" if count else f"bold {BAD}"
 
 
-TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
-
-LEAST_WIDTH = 40
-"""A chart is never narrower."""
-
-
 class PlanSchedule(Widget):
     """Shows who does what when; hidden without a plan that was rehearsed."""
 
@@ -148,15 +154,6 @@ class PlanSchedule(Widget):
     def render(self) -> Content:
         """Return the chart."""
         return Content("\n").join(self.lines(self.content_size.width))
-
-
-ROWS_ELSEWHERE = 6
-"""The lines of the terminal that are neither map nor panel, about."""
-
-WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""The share of the other lines that the panel may take, beside the map and below it."""
-
-LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
 def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:

@@ -1,6 +1,7 @@
 """Takes decisions on plans and questions at the prompt to the station, and shows the answers."""
 
 from contextlib import suppress
+from typing import Any
 
 from textual.app import ComposeResult
 from textual.binding import Binding
@@ -47,6 +48,8 @@ BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]
 """Id of a mission and number of an attempt."""
+
+LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class ApprovalController:
@@ -196,8 +199,7 @@ class ApprovalController:
         trace, station = self._session.state.current, self._session.station
         if trace is None or trace.approval is None or station is None:
             return
-        from pa_console.tui.screens.plan_editor import PlanEditor, plan_json  # noqa: PLC0415
-        from pa_console.tui.screens.plan_form import JSON, PlanForm  # noqa: PLC0415
+        from pa_console.tui.screens.plan_editing import PlanEditor, PlanForm, plan_json  # noqa: PLC0415
 
         key, text = (trace.mission.id, trace.approval.attempt), trace.mission.text
         waiting, request_id = trace.approval.plan, trace.approval.request_id
@@ -216,7 +218,7 @@ class ApprovalController:
         def closed(plan: Plan | str | None) -> None:
             self._drafts[key], self._editing = editor.draft, None
             if isinstance(plan, str):
-                self.modify(as_json=plan == JSON)
+                self.modify(as_json=isinstance(editor, PlanForm))
             elif plan == waiting:
                 self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
             elif plan is not None:
@@ -247,24 +249,16 @@ class ApprovalController:
         """Close the editor and the comparison of a plan that no longer waits."""
         current = self._session.state.current
         waiting = current.approval if current else None
-        if self._comparing is not None:
-            request_id, screen = self._comparing
-            gone = waiting is None or waiting.request_id != request_id
-            if gone and self._session.app.screen is screen:
+        key = (current.mission.id, waiting.attempt) if current and waiting else None
+        over: list[tuple[Screen[Any], str]] = []
+        if self._comparing and (waiting is None or waiting.request_id != self._comparing[0]):
+            over.append((self._comparing[1], "Compare"))
+        if self._editing and self._editing[0] != key:
+            over.append((self._editing[1], "Modify"))
+        for screen, title in over:
+            if self._session.app.screen is screen:
                 screen.dismiss(None)
-                self._session.tell("the plan no longer waits for a decision", "Compare", bad=True)
-        self._close_void_editor()
-
-    def _close_void_editor(self) -> None:
-        if self._editing is None:
-            return
-        current = self._session.state.current
-        waiting = current.approval if current else None
-        open_key = (current.mission.id, waiting.attempt) if current and waiting else None
-        key, editor = self._editing
-        if key != open_key and self._session.app.screen is editor:
-            editor.dismiss(None)
-            self._session.tell("the plan no longer waits for a decision", "Modify", bad=True)
+                self._session.tell("the plan no longer waits for a decision", title, bad=True)
 
 
 def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> ComparedPlan | None:
@@ -281,9 +275,6 @@ def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
     before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
     planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
     return next(planned, request.plan)
-
-
-LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class AnswerScreen(ModalScreen[None]):

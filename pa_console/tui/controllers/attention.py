@@ -17,6 +17,14 @@ from pa_console.tui.controllers.settings import SettingsController
 
 TITLE = "PA Console"
 
+KEEP_TITLE = "\x1b[22;2t"
+"""Has the terminal remember the title that its window has."""
+
+RESTORE_TITLE = "\x1b[23;2t"
+"""Has it take that title again."""
+
+CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"
+
 
 def notice(text: str) -> str:
     """Return the codes of a desktop notice: OSC 9 for some terminals, OSC 777 for others."""
@@ -28,12 +36,6 @@ def window_title(text: str = "") -> str:
     """Return the code that names the window: what waits, or the console alone."""
     plain = visible_line(text)
     return f"\x1b]2;▲ {plain} - {TITLE}\x07" if plain else f"\x1b]2;{TITLE}\x07"
-
-
-KEEP_TITLE = "\x1b[22;2t"
-"""Has the terminal remember the title that its window has."""
-RESTORE_TITLE = "\x1b[23;2t"
-"""Has it take that title again."""
 
 
 class AttentionController:
@@ -76,9 +78,6 @@ class AttentionController:
             first = KEEP_TITLE if self._title is None else ""
             self._title = title
             self._write(first + window_title(title))
-
-
-CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"
 
 
 class LogAlarm(Static):

@@ -1,6 +1,5 @@
 """Moves about in the console: panes, map, pointers, screens to read, copies to take along."""
 
-from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -12,9 +11,7 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.screens.main import MainScreen
-from pa_console.tui.screens.plan_editor import plan_json
 from pa_console.tui.widgets.alarms import AlarmPane
-from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.trace_pane import trace_text
 
@@ -39,30 +36,16 @@ class BrowsingController:
 
     # Panes and the map
 
-    def with_shown(self, act: Callable[[MainScreen], object]) -> None:
-        """Act on the main screen, or on the recording that was opened over it."""
-        if self._session.shown is not None:
-            act(self._session.shown)
-
-    def with_map(self, act: Callable[[MapView], object]) -> None:
-        """Change the map's view."""
-        self.with_shown(lambda shown: act(shown.query_one(MapView)))
-
     def leave_field(self) -> None:
-        """Leave a field."""
+        """Leave a field of the session that is looked at."""
         shown = self._session.shown
         if shown is not None and self._app.screen is shown:
             shown.leave_field()
 
     def select_mission(self, by: int) -> None:
         """Show the trace of the mission before or after."""
-        self.with_shown(lambda shown: shown.select(self._session.shown_state, by))
-
-    def with_assets(self, act: Callable[[AssetPane], object]) -> None:
-        """Change what the asset table shows, once it is in sight."""
         if self._session.shown is not None:
-            self._session.shown.go_to("assets")
-            act(self._session.shown.query_one(AssetPane))
+            self._session.shown.select(self._session.shown_state, by)
 
     def follow_alarm(self) -> None:
         """Follow what the alarm at the pointer is about; the same again follows nothing."""
@@ -173,6 +156,8 @@ class BrowsingController:
 
 def _plan_text(trace: MissionTrace) -> str:
     """Return the JSON of the latest plan that could be read, else the model's last answer."""
+    from pa_console.tui.screens.plan_editing import plan_json  # noqa: PLC0415
+
     for attempt in reversed(trace.attempts):
         if attempt.plan is not None:
             return plan_json(attempt.plan)

@@ -1,6 +1,7 @@
 """Gives the station commands: missions, alarms, the queue, the stop, what-ifs of the simulation."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pa_console.schema import incident as inc
@@ -49,77 +50,65 @@ def next_rate(rate: float, factor: float) -> float:
 
 def what_ifs(world: World) -> Iterator[WhatIf]:
     """Yield every incident on offer with its title, the usual ones first."""
-    for gate in world.gates:
-        yield f"What if: unknown vehicle at {gate}", inc.SpawnTrack(gate=gate)
-    for gate in world.gates:
-        yield from _visitors(world, gate)
-    for weather in _WEATHERS:
-        yield f"What if: weather {weather}", inc.SetWeather(weather=weather)
-    for camera, spec in world.cameras.items():
-        yield f"What if: {camera} of {spec.gate} fails", inc.SensorFault(sensor=camera)
-        yield (
-            f"What if: {camera} of {spec.gate} works again",
-            inc.SensorFault(sensor=camera, works=True),
-        )
-    for asset in world.assets:
-        yield from _asset_troubles(world, asset)
-    yield "What if: every link is down", inc.SetRadio(up=False)
-    yield (
-        "What if: every link works",
-        inc.SetRadio(
-            latency_s=world.radio.latency_s, jitter_s=world.radio.jitter_s, loss=world.radio.loss
-        ),
-    )
-    yield "What if: the model's worker process is killed", inc.WorkerFault()
+    radio = world.radio
+    works = inc.SetRadio(latency_s=radio.latency_s, jitter_s=radio.jitter_s, loss=radio.loss)
+    offers = [
+        *((f"unknown vehicle at {gate}", inc.SpawnTrack(gate=gate)) for gate in world.gates),
+        *(each for gate in world.gates for each in _visitors(world, gate)),
+        *((f"weather {weather}", inc.SetWeather(weather=weather)) for weather in _WEATHERS),
+        *(each for camera in world.cameras for each in _camera_faults(world, camera)),
+        *(each for asset in world.assets for each in _asset_troubles(world, asset)),
+        ("every link is down", inc.SetRadio(up=False)),
+        ("every link works", works),
+        ("the model's worker process is killed", inc.WorkerFault()),
+    ]
+    yield from ((f"What if: {title}", incident) for title, incident in offers)
 
 
 def _visitors(world: World, gate: str) -> Iterator[WhatIf]:
-    """The contacts and events at a gate."""
-    yield (
-        f"What if: defiant vehicle at {gate}, goes on when warned",
-        inc.SpawnTrack(gate=gate, when_warned="go_on"),
-    )
-    yield (
-        f"What if: hostile vehicle at {gate} that ignores warnings",
-        inc.SpawnTrack(gate=gate, intent="hostile", when_warned="go_on"),
-    )
-    yield f"What if: authorized vehicle at {gate}", inc.SpawnTrack(gate=gate, identity="authorized")
-    yield f"What if: person at {gate}", inc.SpawnTrack(gate=gate, track="person", speed_mps=1.4)
-    yield (
-        f"What if: noncombatants at {gate}",
-        inc.SpawnTrack(gate=gate, track="person", speed_mps=1.4, noncombatants=True),
-    )
-    yield f"What if: false alarm at {gate}", inc.FalseContact(gate=gate)
+    """Yield the contacts and events at a gate."""
+    spawn = partial(inc.SpawnTrack, gate=gate)
+    walks = partial(spawn, track="person", speed_mps=1.4)
     frame = world.frames[gate]
-    yield (
-        f"What if: {gate} is jammed for {JAM_S:g} s",
-        inc.JamArea(at=frame.at, radius_m=JAM_FACTOR * frame.radius_m, seconds=JAM_S),
-    )
-    yield f"What if: tracks at {gate} are gone", inc.ClearTracks(gate=gate)
+    jam = inc.JamArea(at=frame.at, radius_m=JAM_FACTOR * frame.radius_m, seconds=JAM_S)
+    yield f"defiant vehicle at {gate}, goes on when warned", spawn(when_warned="go_on")
+    hostile = spawn(intent="hostile", when_warned="go_on")
+    yield f"hostile vehicle at {gate} that ignores warnings", hostile
+    yield f"authorized vehicle at {gate}", spawn(identity="authorized")
+    yield f"person at {gate}", walks()
+    yield f"noncombatants at {gate}", walks(noncombatants=True)
+    yield f"false alarm at {gate}", inc.FalseContact(gate=gate)
+    yield f"{gate} is jammed for {JAM_S:g} s", jam
+    yield f"tracks at {gate} are gone", inc.ClearTracks(gate=gate)
+
+
+def _camera_faults(world: World, camera: str) -> Iterator[WhatIf]:
+    """Yield the fault of a gate camera, and its end."""
+    gate = world.cameras[camera].gate
+    yield f"{camera} of {gate} fails", inc.SensorFault(sensor=camera)
+    yield f"{camera} of {gate} works again", inc.SensorFault(sensor=camera, works=True)
 
 
 def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
-    """The faults of an asset, and their end."""
+    """Yield the faults of an asset, and their end."""
     post = world.assets[asset].post
-    yield f"What if: {asset} fails", inc.FailAsset(asset=asset)
-    yield f"What if: {asset} works again", inc.RestoreAsset(asset=asset)
-    yield f"What if: {asset} runs at half speed", inc.DegradeAsset(asset=asset, speed_factor=0.5)
-    yield f"What if: {asset} battery low", inc.SetBattery(asset=asset, percent=LOW_BATTERY_PCT)
-    yield f"What if: {asset} battery full", inc.SetBattery(asset=asset, percent=100.0)
-    yield f"What if: {asset} link degraded", inc.SetComms(asset=asset, comms="degraded")
-    yield f"What if: {asset} link lost", inc.SetComms(asset=asset, comms="lost")
-    yield f"What if: {asset} link ok", inc.SetComms(asset=asset, comms="ok")
-    yield f"What if: {asset} is driven by hand", inc.DriveByHand(asset=asset)
-    yield f"What if: {asset} is let go", inc.DriveByHand(asset=asset, ends=True)
-    yield f"What if: {asset} sensor fails", inc.SensorFault(sensor=asset)
-    yield f"What if: {asset} sensor works again", inc.SensorFault(sensor=asset, works=True)
-    yield (
-        f"What if: {asset} telemetry is forged, says it stands at {post}",
-        inc.SpoofTelemetry(asset=asset, frame=post),
-    )
-    yield f"What if: {asset} telemetry is honest again", inc.SpoofTelemetry(asset=asset, frame=None)
-    yield f"What if: {asset} position drifts", inc.GpsDrift(asset=asset, rate_mps=DRIFT_MPS)
-    yield f"What if: {asset} position is right again", inc.GpsDrift(asset=asset, rate_mps=0.0)
+    forged = inc.SpoofTelemetry(asset=asset, frame=post)
+    yield f"{asset} fails", inc.FailAsset(asset=asset)
+    yield f"{asset} works again", inc.RestoreAsset(asset=asset)
+    yield f"{asset} runs at half speed", inc.DegradeAsset(asset=asset, speed_factor=0.5)
+    yield f"{asset} battery low", inc.SetBattery(asset=asset, percent=LOW_BATTERY_PCT)
+    yield f"{asset} battery full", inc.SetBattery(asset=asset, percent=100.0)
+    yield f"{asset} link degraded", inc.SetComms(asset=asset, comms="degraded")
+    yield f"{asset} link lost", inc.SetComms(asset=asset, comms="lost")
+    yield f"{asset} link ok", inc.SetComms(asset=asset, comms="ok")
+    yield f"{asset} is driven by hand", inc.DriveByHand(asset=asset)
+    yield f"{asset} is let go", inc.DriveByHand(asset=asset, ends=True)
+    yield f"{asset} sensor fails", inc.SensorFault(sensor=asset)
+    yield f"{asset} sensor works again", inc.SensorFault(sensor=asset, works=True)
+    yield f"{asset} telemetry is forged, says it stands at {post}", forged
+    yield f"{asset} telemetry is honest again", inc.SpoofTelemetry(asset=asset, frame=None)
+    yield f"{asset} position drifts", inc.GpsDrift(asset=asset, rate_mps=DRIFT_MPS)
+    yield f"{asset} position is right again", inc.GpsDrift(asset=asset, rate_mps=0.0)
 
 
 class CommandController:
@@ -169,10 +158,6 @@ class CommandController:
         if taken and self._session.main is not None:
             self._session.main.query_one(MissionPrompt).taken(text)
 
-    def cancel_mission(self) -> None:
-        """Cancel the active mission at once."""
-        self.attempt("Cancel", lambda station: station.cancel())
-
     def acknowledge(self) -> None:
         """Acknowledge the alarm at the pointer, else the worst unseen one."""
         if self._session.main is None:
@@ -193,23 +178,7 @@ class CommandController:
 
     # The queue
 
-    def move_queued(self, by: int) -> None:
-        """Move the waiting mission at the pointer by one place."""
-        self._with_queued("Move", lambda station, name: station.move(name, by))
-
-    def let_next_go_first(self) -> None:
-        """Let the next mission go before the one that waits for the operator."""
-        self.attempt("Let first", lambda station: station.let_next_go_first())
-
-    def defer_queued(self) -> None:
-        """Let every other mission go before the one at the pointer."""
-        self._with_queued("Defer", lambda station, name: station.defer(name))
-
-    def withdraw_queued(self) -> None:
-        """Take the mission at the pointer out of the queue."""
-        self._with_queued("Withdraw", lambda station, name: station.withdraw(name))
-
-    def _with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
+    def with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
         """Give a command about the waiting mission at the pointer, once the operator sees which.
 
         With the pointer elsewhere or out of sight nothing is done but to show it.

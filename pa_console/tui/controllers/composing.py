@@ -48,6 +48,11 @@ from pa_console.tui.widgets.row_views import VirtualRows
 HEAD = "# Favourite orders of PA Console; what stands in braces, like {gate}, is a slot.\n"
 MOST_KEPT = 200
 
+MOST_SESSIONS = 50
+"""The number of sessions that are read, the newest first."""
+
+TEMPLATE, FAVOURITE = "template", "favourite"
+
 
 class _Kept(StrictModel):
     """The content of the file."""
@@ -112,10 +117,6 @@ class Favourites:
         write_atomically(path, changed)
 
 
-MOST_SESSIONS = 50
-"""The number of sessions that are read, the newest first."""
-
-
 class PastOrder(NamedTuple):
     """An order with when its session began and how it ended; both unknown outside every log."""
 
@@ -155,9 +156,6 @@ def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]
         notes.setdefault(order.text, order)
     orders = {text: notes.get(text, PastOrder(text)) for text in typed}
     return list({**orders, **notes}.values())
-
-
-TEMPLATE, FAVOURITE = "template", "favourite"
 
 
 class ComposingController:
@@ -389,8 +387,9 @@ class ComposingController:
             card.show_still(still, session.shown_state.time_s)
 
     def _map_choice(self, choice: CardChoice | None) -> None:
-        if choice is not None and choice.does == "sensors":
-            self._browsing.with_map(MapView.next_sensors)
-        elif choice is not None:
-            factor = 2.0 if choice.does == "zoom_in" else 0.5
-            self._browsing.with_map(lambda view: view.zoom_by(factor))
+        if choice is not None and (shown := self._session.shown) is not None:
+            view = shown.query_one(MapView)
+            if choice.does == "sensors":
+                view.next_sensors()
+            else:
+                view.zoom_by(2.0 if choice.does == "zoom_in" else 0.5)

@@ -16,71 +16,102 @@ from pa_console.tui.controllers.commands import RATES, CommandController, WhatIf
 from pa_console.tui.controllers.composing import ComposingController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.leaving import LeavingController
-from pa_console.tui.controllers.replay import ReplayController
 from pa_console.tui.controllers.rules import RulesController
 from pa_console.tui.controllers.settings import SettingsController
-from pa_console.tui.screens.recording import RecordingScreen
-from pa_console.tui.widgets.assets import AssetPane
+from pa_console.tui.screens.main import MainScreen
+from pa_console.tui.screens.recording import FINDING, RecordingScreen
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
+
+TYPICAL = ("unknown vehicle", "weather")
+"""Words of the what-ifs that are offered before anything is typed."""
+
+ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
+    "view_map": lambda shown: shown.focus_view("map"),
+    "view_assets": lambda shown: shown.focus_view("assets"),
+    "view_trace": lambda shown: shown.focus_view("trace"),
+    "view_events": lambda shown: shown.focus_view("events"),
+    "view_alarms": lambda shown: shown.focus_view("alarms"),
+    "next_alarm": lambda shown: shown.show_alarms().next_alarm(),
+    "next_queued": lambda shown: shown.show_alarms().next_mission(),
+    "zoom_in": lambda shown: shown.query_one(MapView).zoom_by(2.0),
+    "zoom_out": lambda shown: shown.query_one(MapView).zoom_by(0.5),
+    "sensors": lambda shown: shown.query_one(MapView).next_sensors(),
+    "pan_left": lambda shown: shown.query_one(MapView).pan(-1, 0),
+    "pan_right": lambda shown: shown.query_one(MapView).pan(1, 0),
+    "pan_up": lambda shown: shown.query_one(MapView).pan(0, 1),
+    "pan_down": lambda shown: shown.query_one(MapView).pan(0, -1),
+    "filter": lambda shown: shown.show_assets().ask(),
+    "problems": lambda shown: shown.show_assets().toggle_problems(),
+    "prompt": lambda shown: shown.query_one(MissionPrompt).take_cursor(),
+}
+"""What only changes the main screen, or the recording that was opened over it."""
+
+ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
+    "play": RecordingScreen.play_pause,
+    "step": lambda shown: shown.move(Player.step),
+    "back": lambda shown: shown.move(Player.step_back),
+    "second": lambda shown: shown.move(lambda player: player.step_seconds(1)),
+    "second_back": lambda shown: shown.move(lambda player: player.step_seconds(-1)),
+    "next_mission": lambda shown: shown.jump("mission", 1),
+    "mission_before": lambda shown: shown.jump("mission", -1),
+    "next_finding": lambda shown: shown.jump(FINDING, 1),
+    "finding_before": lambda shown: shown.jump(FINDING, -1),
+    "to_moment": RecordingScreen.to_moment,
+    "search_log": RecordingScreen.search,
+    "compare": RecordingScreen.compare,
+}
+"""What only a recording has."""
+
+PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
+"""Title, effect, help, and further search words."""
 
 
 @dataclass(frozen=True)
 class Controllers:
-    """The controllers of the operator's actions."""
+    """The controllers of the operator's actions, and the session with its screens."""
 
+    session: ConsoleSession
     browsing: BrowsingController
     composing: ComposingController
-    replay: ReplayController
     commands: CommandController
     approval: ApprovalController
     rules: RulesController
     settings: SettingsController
     leaving: LeavingController
 
+    def carry_out(self, name: str) -> None:
+        """Carry out an action: by its controller, else on the screen or the recording on show."""
+        shown = self.session.shown
+        if name in HANDLERS:
+            HANDLERS[name](self)
+        elif name in ON_SCREEN and shown is not None:
+            ON_SCREEN[name](shown)
+        elif name in ON_RECORDING and isinstance(shown, RecordingScreen):
+            ON_RECORDING[name](shown)
 
-HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
+
+HANDLERS: Mapping[str, Callable[[Controllers], object]] = {
     "help": lambda to: to.browsing.show_help(),
     "manual": lambda to: to.browsing.show_manual(),
-    "view_map": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("map")),
-    "view_assets": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("assets")),
-    "view_trace": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("trace")),
-    "view_events": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("events")),
-    "view_alarms": lambda to: to.browsing.with_shown(lambda shown: shown.focus_view("alarms")),
     "policies": lambda to: to.rules.browse(),
     "evaluation": lambda to: to.browsing.show_evaluation(),
     "sessions": lambda to: to.browsing.show_sessions(),
     "standing_orders": lambda to: to.commands.show_standing_orders(),
     "take_up": lambda to: to.commands.take_up(),
     "approval": lambda to: to.approval.go_to_it(),
-    "cancel": lambda to: to.commands.cancel_mission(),
+    "cancel": lambda to: to.commands.attempt("Cancel", lambda station: station.cancel()),
     "stop": lambda to: to.commands.stop_all(),
     "release": lambda to: to.commands.release_stop(),
     "take_command": lambda to: to.leaving.take_command(),
     "acknowledge": lambda to: to.commands.acknowledge(),
-    "next_alarm": lambda to: to.browsing.with_shown(lambda shown: shown.show_alarms().next_alarm()),
-    "next_queued": lambda to: to.browsing.with_shown(
-        lambda shown: shown.show_alarms().next_mission()
-    ),
-    "sooner": lambda to: to.commands.move_queued(-1),
-    "later_queued": lambda to: to.commands.move_queued(1),
-    "go_first": lambda to: to.commands.let_next_go_first(),
-    "defer": lambda to: to.commands.defer_queued(),
-    "withdraw": lambda to: to.commands.withdraw_queued(),
+    "sooner": lambda to: to.commands.with_queued("Move", lambda at, name: at.move(name, -1)),
+    "later_queued": lambda to: to.commands.with_queued("Move", lambda at, name: at.move(name, 1)),
+    "go_first": lambda to: to.commands.attempt("Let first", lambda at: at.let_next_go_first()),
+    "defer": lambda to: to.commands.with_queued("Defer", lambda at, name: at.defer(name)),
+    "withdraw": lambda to: to.commands.with_queued("Withdraw", lambda at, name: at.withdraw(name)),
     "mute_agent": lambda to: to.commands.mute_agent(),
     "follow": lambda to: to.browsing.follow_alarm(),
-    "zoom_in": lambda to: to.browsing.with_map(lambda view: view.zoom_by(2.0)),
-    "zoom_out": lambda to: to.browsing.with_map(lambda view: view.zoom_by(0.5)),
-    "sensors": lambda to: to.browsing.with_map(MapView.next_sensors),
-    "pan_left": lambda to: to.browsing.with_map(lambda view: view.pan(-1, 0)),
-    "pan_right": lambda to: to.browsing.with_map(lambda view: view.pan(1, 0)),
-    "pan_up": lambda to: to.browsing.with_map(lambda view: view.pan(0, 1)),
-    "pan_down": lambda to: to.browsing.with_map(lambda view: view.pan(0, -1)),
-    "filter": lambda to: to.browsing.with_assets(AssetPane.ask),
-    "problems": lambda to: to.browsing.with_assets(AssetPane.toggle_problems),
-    "prompt": lambda to: to.browsing.with_shown(
-        lambda shown: shown.query_one(MissionPrompt).take_cursor()
-    ),
     "history": lambda to: to.composing.search_history(),
     "favourites": lambda to: to.composing.choose_favourite(),
     "keep_favourite": lambda to: to.composing.keep_favourite(),
@@ -93,37 +124,16 @@ HANDLERS: Mapping[str, Callable[[Controllers], None]] = {
     "copy_plan": lambda to: to.browsing.copy_plan(),
     "faster": lambda to: to.commands.change_rate(2.0),
     "slower": lambda to: to.commands.change_rate(0.5),
-    "play": lambda to: to.replay.with_recording(RecordingScreen.play_pause),
-    "step": lambda to: to.replay.move(Player.step),
-    "back": lambda to: to.replay.move(Player.step_back),
-    "second": lambda to: to.replay.move(lambda player: player.step_seconds(1)),
-    "second_back": lambda to: to.replay.move(lambda player: player.step_seconds(-1)),
-    "next_mission": lambda to: to.replay.jump_mission(1),
-    "mission_before": lambda to: to.replay.jump_mission(-1),
-    "next_finding": lambda to: to.replay.jump_finding(1),
-    "finding_before": lambda to: to.replay.jump_finding(-1),
-    "to_moment": lambda to: to.replay.to_moment(),
-    "search_log": lambda to: to.replay.search(),
-    "compare": lambda to: to.replay.compare(),
     "settings": lambda to: to.settings.show(),
     "quit": lambda to: to.leaving.leave(),
 }
-"""The handlers by the id of the action."""
-
-
-TYPICAL = ("unknown vehicle", "weather")
-"""Words of the what-ifs that are offered before anything is typed."""
+"""The actions of the controllers, by id."""
 
 
 class ConsoleHost(Protocol):
-    """The app, as far as the palette asks it."""
+    """The app, as far as the palette needs it."""
 
-    session: ConsoleSession
     controllers: Controllers
-
-
-PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
-"""Title, effect, help, and further search words."""
 
 
 class ConsoleCommands(Provider):
@@ -132,11 +142,11 @@ class ConsoleCommands(Provider):
     _what_ifs: tuple[WhatIf, ...] | None = None
 
     @property
-    def _host(self) -> "ConsoleHost":
-        return cast(ConsoleHost, self.app)
+    def _controllers(self) -> Controllers:
+        return cast(ConsoleHost, self.app).controllers
 
     def _actions(self) -> Iterator[PaletteCommand]:
-        now, keys = self._host.session.situation, self._host.controllers.settings.keys
+        now, keys = self._controllers.session.situation, self._controllers.settings.keys
         for action in ACTIONS:
             if action.palette and not action.refusal(now):
                 run = partial(self.app.run_action, f"app.{action.action}")
@@ -148,7 +158,7 @@ class ConsoleCommands(Provider):
                 )
 
     def _simulation(self) -> Iterator[PaletteCommand]:
-        session, commands = self._host.session, self._host.controllers.commands
+        session, commands = self._controllers.session, self._controllers.commands
         now = session.situation
         if now.replay or now.readonly:
             return

@@ -2,10 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import cast
-
-from textual.message import Message
 
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events.event import Event
@@ -23,24 +20,20 @@ LOOK_S = 1.0
 class SessionFeed:
     """Feeds the main screen from a live station, at most one frame each FRAME_S seconds."""
 
-    @dataclass
-    class EventReceived(Message):
-        """The station yielded an event."""
-
-        event: Event
-
-    @dataclass
-    class StreamEnded(Message):
-        """The station yields no more; `problem` is empty when it ended in order."""
-
-        problem: str
-
     def __init__(
-        self, session: ConsoleSession, painted: Callable[[], None], waiting: Waiting
+        self,
+        session: ConsoleSession,
+        waiting: Waiting,
+        folded: Callable[[Event], None],
+        painted: Callable[[], None],
     ) -> None:
-        """`painted` is called after each frame; `waiting` knows what takes its time."""
+        """`waiting` knows what takes its time; `folded` is called after each event.
+
+        `painted` is called after each frame.
+        """
         self.waiting = waiting
-        self._session, self._app, self._painted = session, session.app, painted
+        self._session, self._app = session, session.app
+        self._folded, self._painted = folded, painted
         self._dirty: frozenset[str] = frozenset()
         self._flush_due = False
         self._last_telemetry = session.clock()
@@ -58,16 +51,16 @@ class SessionFeed:
         self.changed(ALL_VIEWS)
 
     async def _listen(self, station: LiveStation) -> None:
-        """Post every event of the session; the screen stays usable when the stream breaks."""
+        """Take every event of the session; the screen stays usable when the stream breaks."""
         problem = ""
         try:
             async for event in station.run():
                 self.observer(event)
-                self._app.post_message(self.EventReceived(event))
+                self._app.call_later(self.take, event)
                 await asyncio.sleep(0)
         except Exception as error:  # whatever broke, the operator must keep the console
             problem = f"{type(error).__name__}: {error}"
-        self._app.post_message(self.StreamEnded(problem))
+        self._app.call_later(self.end, problem)
 
     def take(self, event: Event) -> None:
         """Fold one event, and note which panes it concerns."""
@@ -76,6 +69,7 @@ class SessionFeed:
         if event.data.kind == "telemetry":
             self._last_telemetry = self._session.clock()
         self.changed(views_of(event.data.kind))
+        self._folded(event)
 
     def end(self, problem: str) -> None:
         """Show that no more events will arrive, unless that was requested."""

@@ -22,6 +22,12 @@ from pa_console.tui.controllers.settings import SettingsController
 TEXT_S = 0.5
 """Two different keys that print, a letter among them, this close together are text."""
 
+CHOSEN_S = 5.0
+"""The time that a command waits for its Enter, and that a notice about keys is shown, seconds."""
+
+KeyTime = Callable[[events.Key], float]
+"""When a key was pressed, in seconds that only grow; replaced in tests."""
+
 
 class TypedText:
     """The keys that print, as long as each follows the one before closely.
@@ -71,13 +77,6 @@ class KeyLine(Static):
     def show(self, key: str, text: str) -> None:
         """Show a text about a key, or about typing at all without one."""
         self.update(Content.assemble((f"{key}  " if key else "", "bold"), text), layout=False)
-
-
-CHOSEN_S = 5.0
-"""The time that a command waits for its Enter, and that a notice about keys is shown, seconds."""
-
-KeyTime = Callable[[events.Key], float]
-"""When a key was pressed, in seconds that only grow; replaced in tests."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +178,7 @@ class TypingController:
 
     def _takes_at_panel(self, panel: ApprovalPanel, character: str) -> bool:
         if not panel.armed:
-            panel.type_ahead()
+            panel.disarm()
             return True
         if self._typed.is_text:
             panel.write_reason(self._typed.keys)

@@ -28,6 +28,16 @@ FREE = frozenset(
 )
 """The roles of cells where something else may be drawn."""
 
+CELL_ASPECT = 2.0
+MOST_STRETCH = 1.7
+"""The largest widening of the plan, so that it fills a wide pane."""
+
+LANE_SHARE = 0.14
+"""The share of the site's size that the view reaches beyond it along the lanes."""
+
+LANES_FROM_ROWS = 12
+"""A lower map is needed for the site itself."""
+
 
 @dataclass
 class Canvas:
@@ -151,17 +161,6 @@ def touched(start: Spot, end: Spot, width: int, height: int) -> Iterator[Cell]:
         row = floor(start[1] + (end[1] - start[1]) * share)
         if 0 <= column < width and 0 <= row < height:
             yield column, row
-
-
-CELL_ASPECT = 2.0
-MOST_STRETCH = 1.7
-"""The largest widening of the plan, so that it fills a wide pane."""
-
-LANE_SHARE = 0.14
-"""The share of the site's size that the view reaches beyond it along the lanes."""
-
-LANES_FROM_ROWS = 12
-"""A lower map is needed for the site itself."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,22 @@ from pa_console.tui.map.canvas import Blocks, Canvas, Cell, Projection, Spot, St
 
 Line = tuple[Spot, Spot]
 
+FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
+_COST = {
+    "": 0,
+    "background": 1,
+    "lane": 2,
+    "zone": 3,
+    "leader": 20,
+    "wall": 40,
+    "frame": 60,
+    "label": 60,
+}
+_CROWDED = 10
+"""The number of frames above which a name that would hide something is left out."""
+
+_NO_PLACE = 40.0
+
 
 class Barriers:
     """The barriers of a view, by the cells that they touch."""
@@ -62,23 +78,6 @@ def _cross(a: Spot, b: Spot, c: Spot, d: Spot) -> bool:
     """Return whether the line from a to b meets the one from c to d; touching counts."""
     apart = _side(a, b, c) * _side(a, b, d) > 0.0
     return not (apart or _side(c, d, a) * _side(c, d, b) > 0.0)
-
-
-FRAME_GLYPHS = {"gate": "◆", "post": "○", "base": "⌂"}
-_COST = {
-    "": 0,
-    "background": 1,
-    "lane": 2,
-    "zone": 3,
-    "leader": 20,
-    "wall": 40,
-    "frame": 60,
-    "label": 60,
-}
-_CROWDED = 10
-"""The number of frames above which a name that would hide something is left out."""
-
-_NO_PLACE = 40.0
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,24 @@ TROUBLE = frozenset(("down", "stale", "suspect"))
 MOST_DIGIT = 9
 """A cell with more assets shows a plus, and the number beside it where there is room."""
 
+POINTER = "▸"
+MOST_NAMES = 9
+"""A cell with more things than this shows their number only."""
+
+DETAIL_FROM_COLUMNS = 60
+"""A narrower map has no room for batteries that are not low."""
+
+NAMES_FROM_ROWS = 12
+"""The height below which a map has no leaders for the names of dimmed things."""
+
+_WITHOUT_LEADER = 2.0
+"""The cost of the nearest place with a leader, if it hides nothing."""
+
+_BESIDE = 0.1
+"""The cost of a place right of a marker that hides nothing."""
+
+_PRESSING = TROUBLE | {"crowd-down", "crowd-stale"}
+
 
 class Symbol(NamedTuple):
     """The symbol of one thing: `glyph` at its place, `name` and `note` beside it.
@@ -118,26 +136,6 @@ def edge_arrow(right: int, down: int) -> str:
     if down:
         return ("↖↑↗" if down < 0 else "↙↓↘")[1 + (right > 0) - (right < 0)]
     return "→" if right > 0 else "←"
-
-
-POINTER = "▸"
-MOST_NAMES = 9
-"""A cell with more things than this shows their number only."""
-
-DETAIL_FROM_COLUMNS = 60
-"""A narrower map has no room for batteries that are not low."""
-
-NAMES_FROM_ROWS = 12
-"""The height below which a map has no leaders for the names of dimmed things."""
-
-_WITHOUT_LEADER = 2.0
-"""The cost of the nearest place with a leader, if it hides nothing."""
-
-_BESIDE = 0.1
-"""The cost of a place right of a marker that hides nothing."""
-
-
-_PRESSING = TROUBLE | {"crowd-down", "crowd-stale"}
 
 
 class Marker(NamedTuple):

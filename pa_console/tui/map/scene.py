@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, Frame, World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Projection, Run, Spot, Strokes
 from pa_console.tui.map.ground import FRAME_GLYPHS, MapGround, draw_ground
@@ -40,6 +40,32 @@ Sensors = Literal["", "cameras", "all"]
 
 
 Line = tuple[Point, Point]
+
+_ADJOINING = 2.0
+"""The discount of a place right beside a marker, if it hides nothing."""
+
+CONTACT_GLYPH, CONTACT_ROLE = "◌", "contact"
+MOST_NAME = 14
+"""A longer call sign is cut on the map; the event list has it whole."""
+
+_FREE = FREE | {"wall"}
+ROLES = (
+    "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
+    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
+    "camera-field", "trail", "route", "uav", "ugv", "robot", "manual", "down", "stale", "suspect",
+    "crowd", "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown",
+    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
+    "warning", "detail", "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
+    "contact",
+)  # fmt: skip
+CELLS_PER_NAME = 48
+"""The room for each asset below which only important names are written."""
+
+MOST_RETRIES = 2
+"""The number of attempts to place names, each beginning with the names that found no room."""
+
+Window = tuple[float, Point | None]
+"""The zoom of the map, and its centre."""
 
 
 def camera_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tuple[Point, ...]]:
@@ -104,10 +130,6 @@ def _meets(at: Point, ray: Point, wall: Line) -> float:
         return inf
     share, far = (x * ray[1] - y * ray[0]) / cross, (x * along_y - y * along_x) / cross
     return far if far > 0.0 and 0.0 <= share <= 1.0 else inf
-
-
-_ADJOINING = 2.0
-"""The discount of a place right beside a marker, if it hides nothing."""
 
 
 class _LooseName(NamedTuple):
@@ -216,13 +238,6 @@ class Frames:
         return self._labels.place(cell, spots, [line], gap=gap, most=most)
 
 
-GLYPH, ROLE = "◌", "contact"
-MOST_NAME = 14
-"""A longer call sign is cut on the map; the event list has it whole."""
-
-_FREE = FREE | {"wall"}
-
-
 class _Drawn(NamedTuple):
     at: Cell
     spot: Spot
@@ -255,15 +270,15 @@ class Contacts:
         for at, (column, row), _ in self._drawn:
             if canvas.role(at) in _FREE:
                 way = floor(column) - at[0], floor(row) - at[1]
-                canvas.put(at, GLYPH if way == (0, 0) else edge_arrow(*way), ROLE)
+                canvas.put(at, CONTACT_GLYPH if way == (0, 0) else edge_arrow(*way), CONTACT_ROLE)
         if labels is None or not self._drawn:
             return
         self._keep_what_is_there(canvas, labels)
         for at, spot, contact in self._drawn:
-            hidden = "" if canvas.role(at) == ROLE else GLYPH
+            hidden = "" if canvas.role(at) == CONTACT_ROLE else CONTACT_GLYPH
             name = f"{hidden}TAK {short_name(contact.name)}"
             for text in (f"{name} {contact.affiliation}?", name):
-                if labels.place(at, [spot], [[(text, ROLE)]], gap=len(hidden)):
+                if labels.place(at, [spot], [[(text, CONTACT_ROLE)]], gap=len(hidden)):
                     break
 
     def _keep_what_is_there(self, canvas: Canvas, labels: Labels) -> None:
@@ -277,26 +292,6 @@ def short_name(name: str) -> str:
     """Return `name` for a row of cells: short, and each of its characters one cell wide."""
     plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
     return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
-
-
-ROLES = (
-    "background", "lane", "zone", "zone-label", "wall", "frame", "label", "leader", "gate-covered",
-    "gate-uncovered", "gate-unknown", "label-uncovered", "label-unknown", "asset-field",
-    "camera-field", "trail", "route", "uav", "ugv", "robot", "manual", "down", "stale", "suspect",
-    "crowd", "crowd-down", "crowd-stale", "camera", "camera-failed", "camera-unknown",
-    "track-unknown", "track-authorized", "track-unauthorized", "track-hostile", "track-stale",
-    "warning", "detail", "legend", "ghost", "arrival", "gate-gains", "gate-loses", "dimmed",
-    "contact",
-)  # fmt: skip
-
-CELLS_PER_NAME = 48
-"""The room for each asset below which only important names are written."""
-
-MOST_RETRIES = 2
-"""The number of attempts to place names, each beginning with the names that found no room."""
-
-Window = tuple[float, Point | None]
-"""The zoom of the map, and its centre."""
 
 
 def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:
@@ -362,106 +357,68 @@ class MapScene:
             _lines(view, routes, 3, 2).draw(canvas, "route", over=FREE)
         if plan is not None:
             plan.draw_routes(canvas, view)
-        shown = self._markers(picture, view, seen, look, plan, whole=whole, health=not crowded)
+        cameras = [
+            (view.cell(spec.at), view.spot(spec.at), camera_symbol(report, look))
+            for name, report in picture.cameras.items()
+            if (spec := self.world.cameras.get(name)) is not None and view.shows(spec.at)
+        ]
+        shown = self._markers(picture, seen, view, look, plan, whole=whole, health=not crowded)
         markers = Markers(canvas, shown, marked)
         reported = Contacts(canvas, view, contacts, whole=whole)
-        self._draw_cameras(canvas, view, picture, look, crowded=crowded)
+        for at, _, symbol in cameras:
+            if not (crowded and symbol.role == "camera"):
+                canvas.put(at, symbol.glyph, symbol.role)
         markers.draw(canvas)
-        named = self._named(
-            canvas, ground, picture, look, markers, reported=reported, plan=plan, crowded=crowded
-        )
-        first: tuple[Cell, ...] = ()
+
+        def name(first: Sequence[Cell] = ()) -> Canvas:
+            """Return a copy with all names for which there is room, of the cells `first` first."""
+            named = canvas.copy()
+            labels = Labels(named, ground.barriers)
+            broken = [camera for camera in cameras if camera[2].name]
+            for at, _, _ in broken:
+                labels.keep(at)
+            involved = plan.preview.involved if plan is not None else None
+            frames = Frames(named, labels, view, picture, involved)
+            frames.draw(self.world.frames, ground.names)
+            if plan is not None:
+                plan.write(labels, ground, self.world)
+            markers.name(named, labels, first, crowded=crowded)
+            for at, spot, symbol in broken:
+                hidden = symbol.glyph if at in named.marks else ""
+                fault = [[(f"{hidden}{symbol.name}", symbol.role)]]
+                labels.place(at, [spot], fault, gap=len(hidden))
+            frames.erase_hidden()
+            if not crowded:
+                frames.name_displaced()
+            reported.draw(named, None if crowded else labels)
+            return named
+
+        named, first = name(), tuple[Cell, ...]()
         for _ in range(0 if crowded else MOST_RETRIES):
             if left_out := markers.unnamed(named):
                 first = (*left_out, *first)
-                again = self._named(
-                    canvas, ground, picture, look, markers, reported=reported, first=first,
-                    plan=plan, crowded=False,
-                )  # fmt: skip
-                named = min(named, again, key=lambda tried: len(markers.unnamed(tried)))
+                named = min(named, name(first), key=lambda tried: len(markers.unnamed(tried)))
         return named
-
-    def _named(
-        self,
-        canvas: Canvas,
-        ground: MapGround,
-        picture: Picture,
-        look: Reliance,
-        markers: Markers,
-        *,
-        reported: Contacts,
-        first: Sequence[Cell] = (),
-        plan: PlanLayer | None = None,
-        crowded: bool,
-    ) -> Canvas:
-        """Return a copy of the canvas with all names for which there is room.
-
-        Those of the markers in the cells `first` are written before all other markers' names.
-        """
-        canvas = canvas.copy()
-        labels = Labels(canvas, ground.barriers)
-        for at, _, symbol in self._cameras(ground.view, picture, look):
-            if symbol.name:
-                labels.keep(at)
-        involved = plan.preview.involved if plan is not None else None
-        frames = Frames(canvas, labels, ground.view, picture, involved)
-        frames.draw(self.world.frames, ground.names)
-        if plan is not None:
-            plan.write(labels, ground, self.world)
-        markers.name(canvas, labels, first, crowded=crowded)
-        self._name_cameras(canvas, labels, ground.view, picture, look)
-        frames.erase_hidden()
-        if not crowded:
-            frames.name_displaced()
-        reported.draw(canvas, None if crowded else labels)
-        return canvas
 
     def _markers(
         self,
         picture: Picture,
-        view: Projection,
         seen: Iterable[AssetTelemetry],
+        view: Projection,
         look: Reliance,
         plan: PlanLayer | None,
         *,
         whole: bool,
         health: bool,
     ) -> Iterator[Marker]:
+        """Yield the markers of all tracks in view and of the assets `seen`."""
         numbers = track_names(picture.tracks)
-        for track in picture.tracks.values():
-            if whole or view.shows(track.position):
-                symbol = track_symbol(track, numbers[track.id], look)
-                if plan is not None and plan.dims(track.id):
-                    symbol = dimmed(symbol)
-                yield Marker(track.id, view.spot(track.position), symbol, is_track=True)
-        for asset in seen:
-            symbol = asset_symbol(asset, self.short, look, health=health)
-            if plan is not None and plan.dims(asset.id):
-                symbol = dimmed(symbol)
-            yield Marker(asset.id, view.spot(asset.position), symbol)
-
-    def _draw_cameras(
-        self, canvas: Canvas, view: Projection, picture: Picture, look: Reliance, *, crowded: bool
-    ) -> None:
-        """Draw cameras; in a crowded view, only broken ones."""
-        for at, _, symbol in self._cameras(view, picture, look):
-            if not (crowded and symbol.role == "camera"):
-                canvas.put(at, symbol.glyph, symbol.role)
-
-    def _name_cameras(
-        self, canvas: Canvas, labels: Labels, view: Projection, picture: Picture, look: Reliance
-    ) -> None:
-        """Write the fault beside a camera that does not work."""
-        for at, spot, symbol in self._cameras(view, picture, look):
-            if symbol.name:
-                hidden = symbol.glyph if at in canvas.marks else ""
-                block = [[(f"{hidden}{symbol.name}", symbol.role)]]
-                labels.place(at, [spot], block, gap=len(hidden))
-
-    def _cameras(
-        self, view: Projection, picture: Picture, look: Reliance
-    ) -> Iterator[tuple[Cell, Spot, Symbol]]:
-        for name, camera in picture.cameras.items():
-            spec = self.world.cameras.get(name)
-            if spec is not None and view.shows(spec.at):
-                yield view.cell(spec.at), view.spot(spec.at), camera_symbol(camera, look)
+        tracks = [t for t in picture.tracks.values() if whole or view.shows(t.position)]
+        symbols: list[tuple[Track | AssetTelemetry, Symbol, bool]] = [
+            *((t, track_symbol(t, numbers[t.id], look), True) for t in tracks),
+            *((a, asset_symbol(a, self.short, look, health=health), False) for a in seen),
+        ]
+        for thing, symbol, is_track in symbols:
+            aside = plan is not None and plan.dims(thing.id)
+            shown = dimmed(symbol) if aside else symbol
+            yield Marker(thing.id, view.spot(thing.position), shown, is_track)

@@ -25,6 +25,12 @@ from pa_console.views.event_words import event_in_words, kind_in_words
 TALL = 30
 """Rows from which on there is room for the maps."""
 
+SHORT = 40
+"""Two values that are no longer than this together stand in one row."""
+
+BEFORE, AFTER = 6, 3
+"""The numbers of events shown before and after the first difference."""
+
 
 class CompareScreen(ModalScreen[None]):
     """The events around the difference in both, the maps where there is room, and what differs."""
@@ -145,13 +151,6 @@ class CompareScreen(ModalScreen[None]):
         name = self.query_one(f"#compare-name-{place}", Static)
         note = f"  {side.note}" if side.note else ""
         name.update(f"{'AB'[place]}  {side.name}{note}")
-
-
-SHORT = 40
-"""Two values that are no longer than this together stand in one row."""
-
-BEFORE, AFTER = 6, 3
-"""The numbers of events shown before and after the first difference."""
 
 
 def heading(

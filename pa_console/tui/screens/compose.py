@@ -26,6 +26,12 @@ from pa_console.tui.widgets.still import STILL_ROWS, ReadStill, StillView
 
 PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
+WIDTH = 46
+"""Cells of a card; it is as high as what is on it."""
+
+GIVE = "give"
+"""The effect of a line whose order is given at once: it moves no asset."""
+
 
 class ChoiceLine(NamedTuple):
     """A choice, and the note beside it."""
@@ -183,10 +189,6 @@ class ChooseLine(ModalScreen[str | None]):
         self._show()
 
 
-WIDTH = 46
-"""Cells of a card; it is as high as what is on it."""
-
-
 class CardChoice(NamedTuple):
     """A line of the card: it types `order`, gives it at once, or is the console's action `does`."""
 
@@ -195,8 +197,6 @@ class CardChoice(NamedTuple):
     does: str = ""
 
 
-GIVE = "give"
-"""The effect of a line whose order is given at once: it moves no asset."""
 FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
     CardChoice("Nearer", does="zoom_in"),

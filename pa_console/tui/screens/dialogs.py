@@ -18,6 +18,10 @@ from pa_console.tui.widgets.fields import LineField
 
 Answer = TypeVar("Answer")
 
+Opened = TypeVar("Opened")
+LARGE = CACHED_FROM
+"""The size from which the index of a log is kept: building it takes a second or longer."""
+
 
 class AskLine(ModalScreen[Answer | None], Generic[Answer]):
     """Returns what `read` makes of the line, or None."""
@@ -102,11 +106,6 @@ class Confirm(ModalScreen[bool]):
     def action_answer(self, yes: bool) -> None:
         """Answer."""
         self.dismiss(yes)
-
-
-Opened = TypeVar("Opened")
-LARGE = CACHED_FROM
-"""The size from which the index of a log is kept: building it takes a second or longer."""
 
 
 class _LeftError(Exception):

@@ -2,15 +2,15 @@
 
 import asyncio
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal
 from textual.content import Content
-from textual.screen import Screen
 from textual.widgets import Input, Select, Static
 
 from pa_console.evaluation.reporting.statistics import ReportTable
@@ -18,12 +18,12 @@ from pa_console.evaluation.run_record import RUNS, RunRecord, read_runs
 from pa_console.session.recording import Player
 from pa_console.tui.recordings import PlayableLog, log_of_run, open_log
 from pa_console.tui.refresh import is_open
-from pa_console.tui.rows import layout, row
+from pa_console.tui.rows import WrappedRow, layout, row
 from pa_console.tui.screens.dialogs import AskFolder, open_beside
+from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import WARN
 from pa_console.tui.surroundings import SecondsClock
-from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.evaluation_runs import (
     KINDS,
     LABELS,
@@ -37,13 +37,12 @@ from pa_console.tui.widgets.evaluation_runs import (
     totals_text,
 )
 from pa_console.tui.widgets.fields import LineField
-from pa_console.tui.widgets.row_views import TextRows
 
 LOOK_S = 1.0
 """The interval between two looks at the folder for new runs, wall seconds."""
 
 
-class EvaluationScreen(Screen[None]):
+class EvaluationScreen(ListScreen[RunRows]):
     """Runs above, the run at the pointer below; follows an evaluation that is still running."""
 
     BINDINGS = [
@@ -58,7 +57,7 @@ class EvaluationScreen(Screen[None]):
         self, folder: Path, clock: SecondsClock = time.monotonic, *, over: bool = True
     ) -> None:
         """Show the evaluation in `folder`; `over` another screen, Escape goes back there."""
-        super().__init__()
+        super().__init__(RunRows(id="list"))
         self._folder, self._clock, self._over = folder, clock, over
         self._records: list[RunRecord] = []
         self._filter = RunFilter()
@@ -66,33 +65,29 @@ class EvaluationScreen(Screen[None]):
         self._built: list[ReportTable] | None = None
         self._problem = ""
 
-    def compose(self) -> ComposeResult:
-        """Yield the title, the filters and totals, the list with its detail, and the tables."""
-        yield Static(id="evaluation-title", markup=False)
-        with Vertical(id="evaluation-runs"):
-            with Horizontal(id="evaluation-filters"):
-                yield LineField(
-                    id="evaluation-search",
-                    placeholder="filter: mission, model, variant, category, command",
-                )
-                yield Select(
-                    [(LABELS[kind], kind) for kind in KINDS],
-                    value="all",
-                    allow_blank=False,
-                    compact=True,
-                    id="evaluation-kind",
-                )
-            yield Static(id="evaluation-totals", markup=False)
-            yield Static(id="evaluation-heading", markup=False)
-            yield RunRows(id="evaluation-list")
-            with VerticalScroll(id="evaluation-detail"):
-                yield TextRows(id="evaluation-sheet")
+    def above_list(self) -> ComposeResult:
+        """Yield the filters and the totals."""
+        with Horizontal(id="evaluation-filters"):
+            yield LineField(
+                id="evaluation-search",
+                placeholder="filter: mission, model, variant, category, command",
+            )
+            yield Select(
+                [(LABELS[kind], kind) for kind in KINDS],
+                value="all",
+                allow_blank=False,
+                compact=True,
+                id="evaluation-kind",
+            )
+        yield Static(id="evaluation-totals", markup=False)
+
+    def below_body(self) -> ComposeResult:
+        """Yield the report's tables."""
         yield ReportTables(id="evaluation-tables")
-        yield KeyFooter()
 
     def on_mount(self) -> None:
         """Read the runs, and look for more from now on."""
-        self.query_one(RunRows).focus()
+        self.listing.focus()
         self.set_interval(LOOK_S, self.look)
         self._title()
         self.look()
@@ -126,29 +121,24 @@ class EvaluationScreen(Screen[None]):
     def _show(self) -> None:
         """Show the runs that pass the filter; the pointer stays on its run."""
         shown = self._filter.passed(self._records)
-        listing = self.query_one(RunRows)
-        listing.show_items({record.run: record for record in shown})
+        self.listing.show_items({record.run: record for record in shown})
         self._title()
         totals = totals_text(shown, len(self._records), self._problem)
         self.query_one("#evaluation-totals", Static).update(totals)
-        self._detail()
+        self.show_detail()
 
     def _title(self) -> None:
-        title = title_text(self._folder, tables=self.has_class("-tables"), width=self.size.width)
-        self.query_one("#evaluation-title", Static).update(title)
+        tables = self.has_class("-tables")
+        self.entitle(title_text(self._folder, tables=tables, width=self.size.width))
 
-    def _detail(self) -> None:
-        listing = self.query_one(RunRows)
-        self.query_one("#evaluation-heading", Static).update(listing.heading())
-        record = listing.item
+    def detail(self) -> tuple[str, Sequence[WrappedRow]]:
+        """Return everything about the run at the pointer, or why there is none."""
+        record = self.listing.item
         if record is not None:
-            rows = tuple(run_rows(record))
-        elif self._records:
-            rows = (row("", ("No run passes the filter; f and / change it.", WARN)),)
-        else:
-            rows = nothing_rows(self._folder, self._problem)
-        self.query_one("#evaluation-detail").border_title = "Run" if record else ""
-        self.query_one("#evaluation-sheet", TextRows).show(rows)
+            return "Run", run_rows(record)
+        if self._records:
+            return "", (row("", ("No run passes the filter; f and / change it.", WARN)),)
+        return "", nothing_rows(self._folder, self._problem)
 
     async def _show_tables(self) -> None:
         """Build the report's tables of all runs, and show them."""
@@ -170,7 +160,7 @@ class EvaluationScreen(Screen[None]):
     @on(Input.Submitted, "#evaluation-search")
     def _to_list(self, event: Input.Submitted) -> None:
         event.stop()
-        self.query_one(RunRows).focus()
+        self.listing.focus()
 
     @on(Select.Changed, "#evaluation-kind")
     def _kind(self, event: Select.Changed) -> None:
@@ -179,26 +169,19 @@ class EvaluationScreen(Screen[None]):
         self._filter = self._filter._replace(kind=kind)
         self._show()
 
-    @on(RunRows.Pointed)
-    def _pointed(self, event: RunRows.Pointed) -> None:
-        event.stop()
-        self._detail()
-        self.query_one("#evaluation-detail", VerticalScroll).scroll_home(animate=False)
-
     @on(RunRows.RowChosen)
     def _chosen(self, event: RunRows.RowChosen) -> None:
         event.stop()
         self.action_trace()
 
     def on_resize(self, _event: events.Resize) -> None:
-        """Lay out for the new width."""
+        """Fit the title to the new width."""
         self._title()
-        self.call_after_refresh(self._detail)
 
     def action_back(self) -> None:
         """Leave a field, else go back to the console."""
         if isinstance(self.focused, Input):
-            self.query_one(RunRows).focus()
+            self.listing.focus()
         else:
             self.dismiss()
 
@@ -226,7 +209,7 @@ class EvaluationScreen(Screen[None]):
             self.query_one("#evaluation-tables").focus()
             self.run_worker(self._show_tables(), group="evaluation-tables", exclusive=True)
         else:
-            self.query_one(RunRows).focus()
+            self.listing.focus()
 
     def action_other(self) -> None:
         """Ask for another folder and show it."""
@@ -242,7 +225,7 @@ class EvaluationScreen(Screen[None]):
 
     def action_trace(self) -> None:
         """Open the log of the run at the pointer, at its end, with the trace in view."""
-        record = self.query_one(RunRows).item
+        record = self.listing.item
         if record is None:
             return
         folder, mission = self._folder, record.mission

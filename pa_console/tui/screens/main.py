@@ -22,20 +22,20 @@ from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.approval.plan_text import PlanSchedule
 from pa_console.tui.kept_input import History
-from pa_console.tui.order_templates import OrderNames
+from pa_console.tui.order_templates import OrderNames, example_orders
 from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan
 from pa_console.tui.surroundings import JoinedTo, SecondsClock
 from pa_console.tui.widgets.alarms import AlarmBar, AlarmPane
 from pa_console.tui.widgets.assets import AssetPane
 from pa_console.tui.widgets.bars import VIEWS, KeyFooter, StatusBar, ViewBar
-from pa_console.tui.widgets.event_list import EventList
 from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import (
+    ExampleLine,
     ExampleOrders,
     MissionPrompt,
     ReadingLine,
-    example_orders,
 )
+from pa_console.tui.widgets.row_views import EventList
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
@@ -194,6 +194,11 @@ class MainScreen(Screen[None]):
             self.go_to("alarms")
         return self.query_one(AlarmPane)
 
+    def show_assets(self) -> AssetPane:
+        """Return the table of assets, brought into sight."""
+        self.go_to("assets")
+        return self.query_one(AssetPane)
+
     def on_view_bar_view_chosen(self, message: ViewBar.ViewChosen) -> None:
         """Jump to the pointed place."""
         self.focus_view(message.view)
@@ -316,8 +321,11 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_reading(asked, plan, faults)
         self.show_plan(plan if asked else waits)
 
-    def on_approval_panel_play_asked(self) -> None:
+    def on_approval_panel_asked(self, message: ApprovalPanel.Asked) -> None:
         """Play the rehearsal of the plan that is shown, or stop it."""
+        if message.what != "play":
+            return
+        message.stop()
         if self._playback is not None or self._plan is None:
             self._playback = None
         else:
@@ -363,7 +371,7 @@ class MainScreen(Screen[None]):
                 return True
         return False
 
-    def on_example_orders_order_chosen(self, message: ExampleOrders.OrderChosen) -> None:
+    def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
         """Type the example that was clicked."""
         message.stop()
         self.query_one(MissionPrompt).put(message.order)

@@ -24,6 +24,24 @@ from pa_console.tui.widgets.row_views import TextRows
 FOUND = "-found"
 """The class of the heading that was jumped to."""
 
+_APPROVAL = (
+    ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
+    ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
+    ("Alt+C", "Other sound plans side by side; nothing is approved there"),
+    ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
+    ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
+    ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),
+)  # fmt: skip
+_PROMPT = (
+    ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
+    ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
+    ("↑ ↓", "Missions typed before"),
+    ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
+    ("Alt+1 … 4", "Before the first mission: type an example"),
+    ("Esc", "Leave the field; the text stays"),
+)
+LETTER_WAITS = " (a letter waits for Enter)"
+
 
 class PagePosition(NamedTuple):
     """A page, and the number of the heading in it that is at the top of the screen."""
@@ -159,27 +177,6 @@ class ManualScreen(Screen[None]):
             found.scroll_visible(top=True, animate=False)
         else:
             self.query_one("#manual-page", VerticalScroll).scroll_home(animate=False)
-
-
-_APPROVAL = (
-    ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
-    ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
-    ("Alt+C", "Other sound plans side by side; nothing is approved there"),
-    ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
-    ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
-    ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),
-)  # fmt: skip
-_PROMPT = (
-    ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
-    ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
-    ("↑ ↓", "Missions typed before"),
-    ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
-    ("Alt+1 … 4", "Before the first mission: type an example"),
-    ("Esc", "Leave the field; the text stays"),
-)
-
-
-LETTER_WAITS = " (a letter waits for Enter)"
 
 
 def help_rows(

@@ -59,9 +59,7 @@ class PolicyScreen(Screen[str]):
 
     def __init__(self, rulebook: ShownRules, retriever: Retriever, bench: Workbench) -> None:
         super().__init__()
-        self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
-        self._asked = approvals_in_words(rulebook.approvals)
-        self._retriever, self._bench = retriever, bench
+        self._rulebook, self._retriever, self._bench = rulebook, retriever, bench
         self._saved = ""
         self._hits: dict[str, RuleHit] = {}
         self._wanted: dict[str, str | None] = dict.fromkeys(
@@ -94,9 +92,7 @@ class PolicyScreen(Screen[str]):
 
     def use(self, rulebook: ShownRules, retriever: Retriever) -> None:
         """Show another set, which is in force now; the pointer stays on its rule."""
-        self._rules, self._set, self._seal = rulebook.rules, rulebook.name, rulebook.seal
-        self._asked = approvals_in_words(rulebook.approvals)
-        self._retriever = retriever
+        self._rulebook, self._retriever = rulebook, retriever
         text = self.query_one("#policy-search", Input).value.strip()
         self._hits = {hit.rule_id: hit for hit in retriever.score_all(text)} if text else {}
         self._list(self._saved or self._selected)
@@ -129,7 +125,7 @@ class PolicyScreen(Screen[str]):
         """Return the rules that pass the filters, best score first while there is a search."""
         rules = [
             rule
-            for rule in self._rules
+            for rule in self._rulebook.rules
             if self._wanted["policy-domain"] in (None, rule.domain)
             and self._wanted["policy-priority"] in (None, rule.priority)
             and self._wanted["policy-mode"] in (None, "checked" if rule.decidable else "judged")
@@ -153,15 +149,16 @@ class PolicyScreen(Screen[str]):
             self.query_one("#policy-sheet", TextRows).show(
                 (row("", "No rule passes the filters."),)
             )
-        count = sum(rule.decidable for rule in self._rules)
+        rulebook, asked = self._rulebook, approvals_in_words(self._rulebook.approvals)
+        count = sum(rule.decidable for rule in rulebook.rules)
         self.query_one("#policy-title", Static).update(
             Content.assemble(
                 ("Policies  ", "bold $text-primary"),
-                f"{self._set} {self._seal.title} ",
-                (self._seal.words, standing_style(self._seal)),
-                *((f"  ▲ {warning}", "bold $text-error") for warning in self._seal.warnings),
-                *((f"  people: {asked}", NOTE) for asked in (self._asked,) if asked),
-                (f"  {len(rules)} of {len(self._rules)}, {count} checked by code", QUIET),
+                f"{rulebook.name} {rulebook.seal.title} ",
+                (rulebook.seal.words, standing_style(rulebook.seal)),
+                *((f"  ▲ {warning}", "bold $text-error") for warning in rulebook.seal.warnings),
+                (f"  people: {asked}" if asked else "", NOTE),
+                (f"  {len(rules)} of {len(rulebook.rules)}, {count} checked by code", QUIET),
             )
         )
 
@@ -177,7 +174,7 @@ class PolicyScreen(Screen[str]):
     def show_detail(self, rule_id: str = "") -> None:
         """Show a rule, the one at the pointer by default, and its part in the session so far."""
         name = rule_id or self._selected
-        for rule in (rule for rule in self._rules if rule.id == name):
+        for rule in (rule for rule in self._rulebook.rules if rule.id == name):
             uses = uses_of(name, self._bench.missions())
             rows = (*rule_rows(rule, self._hits.get(name)), *use_rows(uses))
             self.query_one("#policy-sheet", TextRows).show(rows)
@@ -242,7 +239,7 @@ class PolicyScreen(Screen[str]):
             self._refused(str(error))
             return
         shown = await self.app.push_screen_wait(RuleEditor(self._bench, opened))
-        self._saved = shown if shown not in {rule.id for rule in self._rules} else ""
+        self._saved = shown if shown not in {rule.id for rule in self._rulebook.rules} else ""
         self._list(shown or self._selected)
         self.query_one("#policy-list").focus()
 

@@ -1,7 +1,11 @@
 """A recorded session in the main screen: played, stepped and searched; it takes no command."""
 
 import asyncio
+import re
 from collections.abc import Callable, Mapping
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
 from typing import cast
 
 from textual import events, on
@@ -12,10 +16,12 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
+from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import clock_text
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
+from pa_console.session.log_index import Progress
 from pa_console.session.recording import Player, Recording
 from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
@@ -31,13 +37,29 @@ from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.views.event_words import Hit, kind_in_words, search
 
-MISSIONS = frozenset[MarkKind](("mission",))
-FINDINGS = frozenset(MARK_KINDS) - MISSIONS
-WIDE = 120
-"""Cells from which on the line has room for the signs of the marks."""
-
+FINDING = "finding, override, alarm, refusal or fault"
+MARKS: dict[str, frozenset[MarkKind]] = {
+    "mission": frozenset(("mission",)),
+    FINDING: frozenset(MARK_KINDS) - {"mission"},
+}
+"""The marks of the recording that can be jumped to, by their names."""
 
 CLOSED = "REPLAY: this is a recording, every command is refused"
+HINT = "words in any order; Enter goes to the list, and there to the event; Esc goes back"
+ACCEPTED = (
+    "1:30 into the recording   s1:30 the session's own clock   @14:05:30 the time of day\n"
+    "+30 -30 seconds from here   #120 event 120   50% of it   end"
+)
+"""The accepted forms, for the operator."""
+
+MOST = 500
+"""The number of events that a search lists."""
+
+STEP = 20_000
+"""Events between two looks at whether something else was typed."""
+
+WIDE = 120
+"""Cells from which on the line has room for the signs of the marks."""
 
 
 class RecordingScreen(MainScreen):
@@ -158,15 +180,109 @@ class RecordingScreen(MainScreen):
         self._seen_at = self._clock()
         self.move(Player.pause if self.player.playing else Player.play)
 
-    def jump(self, kinds: frozenset[MarkKind], by: int, what: str) -> None:
-        """Go to the next or previous mark of these `kinds`; show a notice if there is none."""
+    def jump(self, what: str, by: int) -> None:
+        """Go to the next or previous one of MARKS; show a notice if there is none."""
 
         def how(player: Player) -> None:
-            if not (player.next_mark(kinds) if by > 0 else player.mark_back(kinds)):
+            if not (player.next_mark(MARKS[what]) if by > 0 else player.mark_back(MARKS[what])):
                 where = "after" if by > 0 else "before"
                 self.notify(f"no {what} {where} this moment", title="Replay", markup=False)
 
         self.move(how)
+
+    def to_moment(self) -> None:
+        """Ask for a moment and go there."""
+        from pa_console.tui.screens.dialogs import AskLine  # noqa: PLC0415 - not at the start
+
+        def given(index: int | None) -> None:
+            if index is not None:
+                self.move(lambda player: player.to_event(index - 1))
+
+        asking = AskLine("Where to?", ACCEPTED, lambda text: read_position(text, self.player))
+        self.app.push_screen(asking, given)
+
+    def search(self) -> None:
+        """Search the recording and jump to the choice."""
+
+        def chosen(index: int | None) -> None:
+            if index is not None:
+                self.move(lambda player: player.to_event(index))
+
+        self.app.push_screen(FindEvent(self.player.recording, self.player.index), chosen)
+
+    def compare(self) -> None:
+        """Ask for another recording and show where it differs from this one."""
+        from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
+        from pa_console.tui.screens.compare import CompareScreen  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import AskLine, OpeningLog, is_large  # noqa: PLC0415
+
+        known = KnownWorld.of(self.world, self.player.recording)
+
+        def opened(path: Path, progress: Progress | None = None) -> OpenedLog:
+            return open_compared(path, known, progress)
+
+        def read(text: str) -> OpenedLog | Path:
+            path = Path(text).expanduser()
+            if not path.is_file():
+                raise ValueError(f"{path}: there is no such log")
+            try:
+                return path if is_large(path) else opened(path)
+            except (DocumentError, OSError) as error:
+                raise ValueError(str(error)) from error
+
+        def given(other: OpenedLog | Path | None) -> None:
+            if isinstance(other, Path):
+                self.app.push_screen(OpeningLog(other, partial(opened, other)), given)
+            elif other is not None:
+                own = OpenedLog("this one", self.player.recording, self.world, self.rules)
+                self.app.push_screen(CompareScreen(own, other, self._clock))
+
+        question = "Which session log is to be compared with this one?"
+        self.app.push_screen(AskLine(question, "Enter compares, Esc goes back", read), given)
+
+
+def read_position(text: str, player: Player) -> int:
+    """Return the number of events played by the moment that `text` names.
+
+    Raises ValueError with the valid forms.
+    """
+    timeline, text = player.recording.timeline, "".join(text.split()).lower()
+    if text == "end":
+        return len(timeline)
+    if found := re.fullmatch(r"#(\d{1,12})", text):
+        return min(int(found[1]), len(timeline))
+    if (found := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)%", text)) and float(found[1]) <= 100:
+        return timeline.count_until(timeline.duration * float(found[1]) / 100)
+    found = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
+    if found is None:
+        raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
+    sign, seconds = found[1], _seconds(found[2])
+    if sign == "s":
+        if not timeline.ticks_per_s:
+            raise ValueError("this recording has no telemetry, so it knows no clock of its own")
+        return timeline.count_until_tick(seconds * timeline.ticks_per_s)
+    if sign == "@":
+        return timeline.count_until(_since_start(seconds, player))
+    if sign:
+        return timeline.count_until(player.position + (seconds if sign == "+" else -seconds))
+    return timeline.count_until(seconds)
+
+
+def _seconds(text: str) -> float:
+    total = 0.0
+    for part in text.split(":"):
+        total = 60 * total + float(part)
+    return total
+
+
+def _since_start(time_of_day: float, player: Player) -> float:
+    """Return the seconds from the first event to the next time that the clock shows this (UTC)."""
+    start = player.recording.timeline.start
+    if start is None:
+        return 0.0
+    midnight = start.replace(hour=0, minute=0, second=0, microsecond=0)
+    passed = (midnight + timedelta(seconds=time_of_day) - start).total_seconds()
+    return passed if passed >= 0 else passed + timedelta(days=1).total_seconds()
 
 
 def banner(player: Player, width: int) -> Content:
@@ -185,13 +301,6 @@ def banner(player: Player, width: int) -> Content:
     else:
         parts.append(("F1 all keys", QUIET))
     return Content.assemble(*parts)
-
-
-MOST = 500
-STEP = 20_000
-"""Events between two looks at whether something else was typed."""
-
-HINT = "words in any order; Enter goes to the list, and there to the event; Esc goes back"
 
 
 class HitRows(VirtualRows):

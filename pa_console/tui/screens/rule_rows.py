@@ -17,7 +17,7 @@ from pa_console.schema.text import count
 from pa_console.schema.world import World
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.kept_input import Drafts
-from pa_console.tui.rows import Part, WrappedRow, column, row
+from pa_console.tui.rows import Part, WrappedRow, column, fact, row
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN, term
 from pa_console.views.rule_trail import RuleUse
 
@@ -59,13 +59,13 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
         row(""),
         row("", rule.text),
         row(""),
-        row(column("enforced", 9, QUIET), _enforcement(rule)),
+        fact("enforced", _enforcement(rule)),
     ]
     if rule.tags:
-        rows.append(row(column("tags", 9, QUIET), ", ".join(rule.tags)))
+        rows.append(fact("tags", ", ".join(rule.tags)))
     if hit is not None:
         parts = "  ".join(f"{name} {value:.3f}" for name, value in hit.components.items())
-        rows.append(row(column("score", 9, QUIET), (f"{hit.score:.3f}  ", NOTE), (parts, QUIET)))
+        rows.append(fact("score", (f"{hit.score:.3f}  ", NOTE), (parts, QUIET)))
     if rule.message:
         rows += [row(""), row("", ("message", f"bold {NOTE}")), row("  ", rule.message.strip())]
     if rule.examples:

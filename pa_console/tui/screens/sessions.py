@@ -6,13 +6,9 @@ from pathlib import Path
 from threading import Event
 from typing import ClassVar
 
-from textual import events, on
-from textual.app import ComposeResult
+from textual import on
 from textual.binding import Binding, BindingType
-from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
-from textual.screen import Screen
-from textual.widgets import Static
 
 from pa_console.evaluation.twin import resimulate
 from pa_console.schema.document import DocumentError
@@ -25,16 +21,20 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
 from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared, open_log
-from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.rows import WrappedRow, fact, row
 from pa_console.tui.screens.compare import CompareScreen
 from pa_console.tui.screens.dialogs import open_beside
+from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import QUIET, WARN, term
 from pa_console.tui.surroundings import SecondsClock
-from pa_console.tui.widgets.bars import KeyFooter
-from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 from pa_console.tui.widgets.trace_pane import trace_text
 from pa_console.views.status_words import outcomes_in_words
+
+PROBLEM = "Not opened"
+MOST = 200
+"""The number of sessions listed, the newest first."""
 
 
 class SessionRows(PointedRows[SessionSummary]):
@@ -94,36 +94,27 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Wr
     never = "not yet" if running else "its log was never closed"
     ended = never if summary.ending == "open" else summary.reason
     rows = [
-        _line("session", f"{summary.session}, {clock_text(summary.length_s)} long"),
-        _line("world", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
-        _line("scenario", summary.scenario or "none"),
-        _line("model", summary.model),
-        _line("ended", ended),
+        fact("session", f"{summary.session}, {clock_text(summary.length_s)} long"),
+        fact("world", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
+        fact("scenario", summary.scenario or "none"),
+        fact("model", summary.model),
+        fact("ended", ended),
     ]
     if standing is not None:
         mark = term("log", standing.standing)
         told = f": {standing.detail}" if standing.detail else ""
-        rows.append(row([("log       ", QUIET)], mark.content, told))
+        rows.append(fact("log", mark.content, told))
     for mission in summary.missions:
         mark = term("mission", mission.status or "open")
-        rows.append(row([("mission   ", QUIET)], (f"{mission.id} ", "bold"), mark.content,
+        rows.append(fact("mission", (f"{mission.id} ", "bold"), mark.content,
                         f"  {mission.origin}{mission.said}"))  # fmt: skip
         if mission.reason:
             rows.append(row("            ", (mission.reason, QUIET)))
-    rows.append(_line("file", str(summary.log)))
+    rows.append(fact("file", str(summary.log)))
     return tuple(rows)
 
 
-def _line(name: str, text: str) -> WrappedRow:
-    return row([(f"{name:<10}", QUIET)], text)
-
-
-PROBLEM = "Not opened"
-MOST = 200
-"""The number of sessions listed, the newest first."""
-
-
-class SessionsScreen(Screen[None]):
+class SessionsScreen(ListScreen[SessionRows]):
     """Sessions above, the one at the pointer below; logs are checked beside the screen."""
 
     BINDINGS = [
@@ -136,26 +127,11 @@ class SessionsScreen(Screen[None]):
 
     def __init__(self, folder: Path, clock: SecondsClock, copies: Path | None = None) -> None:
         """Show the sessions whose logs are in `folder`; exports go to `copies`."""
-        super().__init__()
+        super().__init__(SessionRows(id="list"))
         self._folder, self._clock = folder, clock
         self._copies = copies or export_folder()
         self._left = Event()
         self._read = False
-
-    def compose(self) -> ComposeResult:
-        """Yield the title, the list with its heading, and the detail."""
-        yield Static(id="sessions-title", markup=False)
-        with Vertical():
-            yield Static(id="sessions-heading", markup=False)
-            yield SessionRows(id="sessions-list")
-            with VerticalScroll(id="sessions-detail"):
-                yield TextRows(id="sessions-sheet")
-        yield KeyFooter()
-
-    @property
-    def listing(self) -> SessionRows:
-        """The list of sessions."""
-        return self.query_one(SessionRows)
 
     def on_mount(self) -> None:
         """Read the sessions."""
@@ -189,36 +165,21 @@ class SessionsScreen(Screen[None]):
         if self.is_attached:
             self.listing.stand(key, standing)
             if key == self.listing.cursor:
-                self._detail()
+                self.show_detail()
 
     def _show(self, found: Sequence[SessionSummary]) -> None:
         self.listing.show_items({str(summary.log): summary for summary in found})
         told = count(len(found), "recorded session") if self._read else "reading …"
-        text = f" SESSIONS  {told} in {self._folder}"
-        self.query_one("#sessions-title", Static).update(Content(text))
-        self._detail()
+        self.entitle(Content(f" SESSIONS  {told} in {self._folder}"))
+        self.show_detail()
 
-    def _detail(self) -> None:
-        self.query_one("#sessions-heading", Static).update(self.listing.heading())
+    def detail(self) -> tuple[str, Sequence[WrappedRow]]:
+        """Return everything about the session at the pointer, or that there is none."""
         session = self.listing.item
         if session is not None:
-            rows = detail_rows(session, self.listing.standing(self.listing.cursor))
-        elif self._read:
-            rows = (row("", ("No session was recorded here yet.", WARN)),)
-        else:
-            rows = ()
-        self.query_one("#sessions-detail").border_title = "Session" if session else ""
-        self.query_one("#sessions-sheet", TextRows).show(rows)
-
-    def on_resize(self, _event: events.Resize) -> None:
-        """Lay out for the new width."""
-        self.call_after_refresh(self._detail)
-
-    @on(SessionRows.Pointed)
-    def _pointed(self, event: SessionRows.Pointed) -> None:
-        event.stop()
-        self._detail()
-        self.query_one("#sessions-detail", VerticalScroll).scroll_home(animate=False)
+            return "Session", detail_rows(session, self.listing.standing(self.listing.cursor))
+        nothing = row("", ("No session was recorded here yet.", WARN))
+        return "", (nothing,) if self._read else ()
 
     @on(SessionRows.RowChosen)
     def _chosen(self, event: SessionRows.RowChosen) -> None:

@@ -3,27 +3,28 @@
 An order that waits for a moment of the clock shows the next one, with a countdown.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, Literal
 
-from textual import events, on
-from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
-from textual.screen import Screen
-from textual.widgets import Static
 
 from pa_console.schema.mission import StandingOrder
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import SessionState, StandingTrace
 from pa_console.tui.approval.plan_rows import order_rows
 from pa_console.tui.refresh import is_open
-from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.rows import WrappedRow, fact, row
+from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN
-from pa_console.tui.widgets.bars import KeyFooter
-from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows, TextRows
+from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 from pa_console.views.event_words import next_in_words
+
+StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
+"""The changes that an operator can make to a standing order from the list."""
+
+LOOK_S = 0.5
+"""The interval between two looks for changes, seconds."""
 
 
 class StandingRows(PointedRows[StandingTrace]):
@@ -72,20 +73,20 @@ class StandingRows(PointedRows[StandingTrace]):
                 "", ("Type one as a mission: Whenever a drone is below 20 %, relieve it.", "")
             )
             return
-        yield row(("typed     ", QUIET), trace.order.text)
+        yield fact("typed", trace.order.text)
         yield from order_rows(trace.order)
-        yield row(("approved  ", QUIET), f"by {trace.by}, {self._when(trace.since_tick)}")
+        yield fact("approved", f"by {trace.by}, {self._when(trace.since_tick)}")
         if trace.in_force and trace.next is not None:
-            yield row(("next      ", QUIET), self.following(trace) or "none")
+            yield fact("next", self.following(trace) or "none")
         if trace.ended:
-            yield row(("over      ", QUIET), (trace.ended, BAD))
+            yield fact("over", (trace.ended, BAD))
         for start in reversed(trace.starts):
             about = f" for {start.subject}" * bool(start.subject)
             told = f"{start.mission}{about}, {self._when(start.tick)}"
-            yield row(("started   ", QUIET), told)
+            yield fact("started", told)
         if trace.withheld is not None:
             about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
-            yield row(("not       ", QUIET), (f"{about}{trace.withheld.reason}", WARN))
+            yield fact("not", (f"{about}{trace.withheld.reason}", WARN))
 
     def following(self, trace: StandingTrace) -> str:
         """Return the next moment of an order and its countdown, '' for none."""
@@ -95,14 +96,7 @@ class StandingRows(PointedRows[StandingTrace]):
         return f"at {clock_text(tick * self.dt_s)}"
 
 
-StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
-"""The changes that an operator can make to a standing order from the list."""
-
-LOOK_S = 0.5
-"""The interval between two looks for changes, seconds."""
-
-
-class StandingOrdersScreen(Screen[None]):
+class StandingOrdersScreen(ListScreen[StandingRows]):
     """The standing orders of the session above, the one at the pointer below."""
 
     BINDINGS = [
@@ -120,24 +114,9 @@ class StandingOrdersScreen(Screen[None]):
         change: Callable[[StandingOrder, StandingChange], object],
     ) -> None:
         """Show those of `state`, a tick of `dt_s` seconds; `change` changes one."""
-        super().__init__()
+        super().__init__(StandingRows(id="list"))
         self._state, self._dt_s, self._change = state, dt_s, change
         self._shown: object = None
-
-    def compose(self) -> ComposeResult:
-        """Yield the title, the list with its heading, and the detail."""
-        yield Static(id="standing-title", markup=False)
-        with Vertical():
-            yield Static(id="standing-heading", markup=False)
-            yield StandingRows(id="standing-list")
-            with VerticalScroll(id="standing-detail"):
-                yield TextRows(id="standing-sheet")
-        yield KeyFooter()
-
-    @property
-    def listing(self) -> StandingRows:
-        """The list of standing orders."""
-        return self.query_one(StandingRows)
 
     def on_mount(self) -> None:
         """Show what there is, and from now on what becomes of it."""
@@ -145,10 +124,6 @@ class StandingOrdersScreen(Screen[None]):
         self.listing.focus()
         self.look()
         self.set_interval(LOOK_S, self.look)
-
-    def on_resize(self, _event: events.Resize) -> None:
-        """Lay out for the new width."""
-        self.call_after_refresh(self._detail)
 
     def action_revoke(self) -> None:
         """Take the order at the pointer out of force."""
@@ -193,20 +168,11 @@ class StandingOrdersScreen(Screen[None]):
             return
         self._shown = now
         in_force = sum(each.in_force for each in orders.values())
-        title = f" STANDING ORDERS  {count(in_force, 'standing order')} in force"
-        self.query_one("#standing-title", Static).update(Content(title))
+        self.entitle(Content(f" STANDING ORDERS  {count(in_force, 'standing order')} in force"))
         self.listing.show_items(orders)
-        self._detail()
+        self.show_detail()
 
-    @on(StandingRows.Pointed)
-    def _pointed(self, event: StandingRows.Pointed) -> None:
-        event.stop()
-        self._detail()
-        self.query_one("#standing-detail", VerticalScroll).scroll_home(animate=False)
-
-    def _detail(self) -> None:
-        self.query_one("#standing-heading", Static).update(self.listing.heading())
+    def detail(self) -> tuple[str, Sequence[WrappedRow]]:
+        """Return everything about the order at the pointer."""
         trace = self.listing.item
-        title = trace.order.id if trace is not None else ""
-        self.query_one("#standing-detail").border_title = title
-        self.query_one("#standing-sheet", TextRows).show(tuple(self.listing.detail()))
+        return trace.order.id if trace is not None else "", tuple(self.listing.detail())

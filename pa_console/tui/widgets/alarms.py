@@ -25,6 +25,9 @@ _FILL = {
 
 Part = Content | tuple[str, str] | str
 
+_ALARM, _MISSION = "alarm:", "mission:"
+EMPTY = "No alarm is open and no mission waits."
+
 
 def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str) -> Content:
     """Return an alarm as priority, whether it was seen, its text, its mission and since when."""
@@ -171,10 +174,6 @@ class AlarmBar(Static):
         """Fit the line to the new width."""
         if self._state is not None:
             self.show(self._state)
-
-
-_ALARM, _MISSION = "alarm:", "mission:"
-EMPTY = "No alarm is open and no mission waits."
 
 
 class AlarmPane(VirtualRows):

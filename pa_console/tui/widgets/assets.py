@@ -52,6 +52,9 @@ _BRIEFLY: dict[Identity, str] = {
 }  # fmt: skip
 CAMERAS = Layout("camera", (("camera", 16), ("gate", 11), ("status", 10), ("age", 5)), ())
 
+PROBLEMS = "problem"
+"""The word by which a filter finds what needs attention."""
+
 
 def tracks(width: int) -> Layout:
     """Return the columns of tracks for `width` cells."""
@@ -278,10 +281,6 @@ class AssetTable(VirtualRows):
         """Return the heading of the group that is scrolled through."""
         at = bisect_right(self._headings, first) - 1
         return self.row(self._headings[at], width) if at >= 0 else None
-
-
-PROBLEMS = "problem"
-"""The word by which a filter finds what needs attention."""
 
 
 class AssetPane(Vertical):

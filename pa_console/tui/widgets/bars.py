@@ -19,6 +19,20 @@ from pa_console.tui.status_words import NOTE, QUIET, WARN, cover_state, short_na
 
 LEAST = 10
 
+VIEWS = (
+    ("map", "F2 Map"), ("assets", "F3 Assets"), ("trace", "F4 Trace"), ("events", "F5 Events"),
+    ("alarms", "5 Alarms"),
+)  # fmt: skip
+STALE_AFTER_S = 5.0
+"""Wall seconds without telemetry after which the stream is called stale; the user may change it."""
+
+JOINED = "JOINED"
+"""The beginning of the mode of a joined console; the station's name follows."""
+
+RELIEVED = " NOT IN COMMAND: NOTHING IS SENT "
+_ALARM = "bold reverse $text-error"
+UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
+
 
 class Scrubber(Static):
     """One cell for each part of the recording, with the worst mark in it."""
@@ -72,12 +86,6 @@ class Scrubber(Static):
             self.post_message(self.PlaceClicked((place.x + 0.5) / self.places))
 
 
-VIEWS = (
-    ("map", "F2 Map"), ("assets", "F3 Assets"), ("trace", "F4 Trace"), ("events", "F5 Events"),
-    ("alarms", "5 Alarms"),
-)  # fmt: skip
-
-
 class ViewBar(Static):
     """The names of the views, with the shown one marked; a click on a name chooses it."""
 
@@ -104,17 +112,6 @@ class ViewBar(Static):
             if event.x < end:
                 self.post_message(self.ViewChosen(view))
                 return
-
-
-STALE_AFTER_S = 5.0
-"""Wall seconds without telemetry after which the stream is called stale; the user may change it."""
-
-JOINED = "JOINED"
-"""The beginning of the mode of a joined console; the station's name follows."""
-
-RELIEVED = " NOT IN COMMAND: NOTHING IS SENT "
-_ALARM = "bold reverse $text-error"
-UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
 class StatusBar(Static):

@@ -16,7 +16,7 @@ from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.schema.mission import Metrics
 from pa_console.schema.text import count, duration_text
-from pa_console.tui.rows import Part, WrappedRow, column, layout, row
+from pa_console.tui.rows import Part, WrappedRow, fact, layout, row
 from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 
@@ -32,6 +32,31 @@ LABELS: dict[Kind, str] = {
     "rules": "rules broken",
     "refuse": "must be refused",
 }
+
+EXPECTED: dict[Expectation, str] = {
+    "execute": "to be carried out",
+    "trim": "to be carried out in part, the rest refused",
+    "refuse": "to be refused: nothing but hold and report may be ordered",
+    "either": "may be carried out or refused",
+}
+_STAGES = (
+    ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
+    ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
+    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
+    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
+)  # fmt: skip
+_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
+_NO_RUNS = (
+    "{folder} holds no run of an evaluation yet.",
+    "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
+    "true state. `pa-console eval --help` names other missions, models and variants.",
+    "Runs appear here as they end; o opens another folder.",
+)
+_GAP = "  "
+LEAST_TEXT = 14
+"""Columns of text wrap down to this many cells before a table grows wider than the screen."""
+
+LEAST_WIDTH = 40
 
 
 def judge_wrong(record: RunRecord) -> bool:
@@ -70,21 +95,6 @@ def _has(record: RunRecord, words: Sequence[str]) -> bool:
     return all(word in known for word in words)
 
 
-EXPECTED: dict[Expectation, str] = {
-    "execute": "to be carried out",
-    "trim": "to be carried out in part, the rest refused",
-    "refuse": "to be refused: nothing but hold and report may be ordered",
-    "either": "may be carried out or refused",
-}
-_STAGES = (
-    ("retrieval", "retrieval_s"), ("picture", "picture_s"), ("prompt", "prompt_s"),
-    ("planning", "planning_s"), ("checks", "checks_s"), ("rehearsal", "rehearsal_s"),
-    ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
-    ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
-)  # fmt: skip
-_LEAD = 9
-
-
 def run_rows(record: RunRecord) -> list[WrappedRow]:
     """Return a run from its command to its latency; what went wrong comes before the rest."""
     strict = _score(record.strict)
@@ -93,42 +103,38 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
         expected.append((f"  {record.category}", QUIET))
     rows = [
         row("", (f"{record.mission}  ", "bold"), (f"{record.run}  in {record.world}", QUIET)),
-        _field("command", record.command),
-        _field("expected", *expected),
-        _field("strict", strict, "   hybrid ", _score(record.hybrid, "– no verdict"), "   ended ",
+        fact("command", record.command),
+        fact("expected", *expected),
+        fact("strict", strict, "   hybrid ", _score(record.hybrid, "– no verdict"), "   ended ",
                term("mission", record.status).part,
                ("  nobody was moved" if record.refused else "", QUIET)),
     ]  # fmt: skip
     if record.reason:
-        rows.append(_field("reason", record.reason))
+        rows.append(fact("reason", record.reason))
     rows += [
-        _field("broken" if index == 0 else "", (f"✘ {breach.rule_id} ", f"bold {BAD}"),
+        fact("broken" if index == 0 else "", (f"✘ {breach.rule_id} ", f"bold {BAD}"),
                breach.what, (f"  {breach.at_s:.1f} s after the command", QUIET))
         for index, breach in enumerate(record.broken)
     ]  # fmt: skip
     rows += [
-        _field("not true" if index == 0 else "", ("✘ ", BAD), text)
+        fact("not true" if index == 0 else "", ("✘ ", BAD), text)
         for index, text in enumerate(record.failed)
     ]
     rows += [
-        _field("plan" if index == 0 else "", text)
+        fact("plan" if index == 0 else "", text)
         for index, text in enumerate(record.plan or ("none",))
     ]
     rows.append(
-        _field("judge", "before ", *_opinion(record.judge_plan, record.strict),
+        fact("judge", "before ", *_opinion(record.judge_plan, record.strict),
                "   after ", *_opinion(record.judge_outcome, record.strict))
     )  # fmt: skip
     if record.obeyed != record.strict:
-        rows.append(_field("", f"obeyed before execution, it would have been {_word(record)}"))
+        rows.append(fact("", f"obeyed before execution, it would have been {_word(record)}"))
     if record.verification is not None:
-        rows.append(_field("telemetry", term("outcome", record.verification).part))
-    rows.append(_field("answers", *_answers(record)))
+        rows.append(fact("telemetry", term("outcome", record.verification).part))
+    rows.append(fact("answers", *_answers(record)))
     rows += _latency(record.metrics)
     return rows
-
-
-def _field(name: str, *body: Part) -> WrappedRow:
-    return row([column(name, _LEAD, QUIET)], *body)
 
 
 def _score(good: bool | None, none: str = "–") -> tuple[str, str]:
@@ -176,16 +182,7 @@ def _latency(metrics: Metrics) -> list[WrappedRow]:
         if seconds > 0.0:
             simulated = " simulated" if name == "execution" else ""
             parts += [f"  {name} ", (duration_text(seconds) + simulated, NOTE)]
-    return [_field("latency", *parts)]
-
-
-_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
-_NO_RUNS = (
-    "{folder} holds no run of an evaluation yet.",
-    "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
-    "true state. `pa-console eval --help` names other missions, models and variants.",
-    "Runs appear here as they end; o opens another folder.",
-)
+    return [fact("latency", *parts)]
 
 
 def title_text(folder: Path, *, tables: bool, width: int) -> Content:
@@ -231,11 +228,6 @@ def homely(path: Path) -> str:
         return str(Path("~") / path.resolve().relative_to(Path.home()))
     except (ValueError, RuntimeError):
         return str(path)
-
-
-_GAP = "  "
-LEAST_TEXT = 14
-"""Columns of text wrap down to this many cells before a table grows wider than the screen."""
 
 
 def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
@@ -292,9 +284,6 @@ def _line(cells: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) 
             parts.append(gap + piece if right else piece + gap)
         lines.append(Content(_GAP).join(parts).rstrip())
     return lines
-
-
-LEAST_WIDTH = 40
 
 
 class ReportTables(ScrollableContainer):

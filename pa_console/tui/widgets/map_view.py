@@ -35,6 +35,38 @@ STEP_M = 0.5
 MOST_THINGS = 200
 """A larger team gets no trails: they would cover the map."""
 
+LEGEND = (
+    ("⠤", "planned way", "ghost"), ("◎", "arrives", "arrival"), ("1→2", "guards", "gate-gains"),
+    ("1→0", "guards", "gate-loses"),
+    ("⠒", "camera's view", "camera-field"), ("⠂", "asset's view", "asset-field"),
+    ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
+    ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
+    ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
+    ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
+    ("?", "stale report", "stale"),
+    ("⊕", "MANUAL", "manual"),
+    ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
+    ("▿?", "camera unknown", "camera-unknown"), ("3", "assets here", "crowd"),
+    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
+    ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
+)  # fmt: skip
+"""Glyph, word and role; named only while something of that role is on the map."""
+
+LEGEND_FROM_ROWS = 13
+"""A map with fewer rows needs them all."""
+
+RIGHT_BUTTON = 3
+MOST_ZOOM = 16.0
+FOLLOW_ZOOM = 2.0
+"""Following something brings the map at least this near."""
+
+SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
+SCALE_COLUMNS = 7
+"""The bar of the scale is about so long."""
+
+PAN_SHARE = 0.25
+"""The share of the view that one step of panning moves."""
+
 
 class Trails:
     """Remembers the last positions of everything that moves."""
@@ -64,40 +96,6 @@ class Trails:
     def __iter__(self) -> Iterator[list[Point]]:
         """Yield the way of everything that has moved, oldest position first."""
         yield from ([point for _, point in seen] for seen in self._seen.values() if len(seen) > 1)
-
-
-LEGEND = (
-    ("⠤", "planned way", "ghost"), ("◎", "arrives", "arrival"), ("1→2", "guards", "gate-gains"),
-    ("1→0", "guards", "gate-loses"),
-    ("⠒", "camera's view", "camera-field"), ("⠂", "asset's view", "asset-field"),
-    ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
-    ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
-    ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
-    ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
-    ("?", "stale report", "stale"),
-    ("⊕", "MANUAL", "manual"),
-    ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
-    ("▿?", "camera unknown", "camera-unknown"), ("3", "assets here", "crowd"),
-    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
-    ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
-)  # fmt: skip
-"""Glyph, word and role; named only while something of that role is on the map."""
-
-LEGEND_FROM_ROWS = 13
-"""A map with fewer rows needs them all."""
-
-RIGHT_BUTTON = 3
-
-MOST_ZOOM = 16.0
-FOLLOW_ZOOM = 2.0
-"""Following something brings the map at least this near."""
-
-SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
-SCALE_COLUMNS = 7
-"""The bar of the scale is about so long."""
-
-PAN_SHARE = 0.25
-"""The share of the view that one step of panning moves."""
 
 
 class MapView(Widget):

@@ -4,12 +4,11 @@ A text put here by a menu, an example or an earlier order is only typed: `Enter`
 the `Enter` that may have been meant for the menu.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from typing import NamedTuple
 
-from textual import events
+from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
@@ -18,7 +17,6 @@ from textual.message import Message
 from textual.widgets import Static, TextArea
 from textual.widgets.text_area import Selection
 
-from pa_console.schema.world import AssetKind, World
 from pa_console.tui.actions import key_text
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import Completion, OrderNames, Slot, next_slot, slots
@@ -41,6 +39,8 @@ came so soon, does not send it."""
 
 MOST_SHOWN = 6
 """The number of names that fit a slot that are shown; the rest are counted."""
+
+HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class _TriedCompletion(NamedTuple):
@@ -343,12 +343,10 @@ class MissionPrompt(Horizontal):
         elif self.draft.strip():
             self.post_message(self.Given(self.draft))
 
-    def on_descendant_focus(self) -> None:
-        """Show the help for writing."""
-        self._say_above()
-
-    def on_descendant_blur(self) -> None:
-        """Hide the help while keys go elsewhere."""
+    @on(events.DescendantFocus)
+    @on(events.DescendantBlur)
+    def _keys_go_elsewhere(self) -> None:
+        """Show the help for writing, or hide it while keys go elsewhere."""
         self._say_above()
 
     def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
@@ -440,41 +438,6 @@ class MissionPrompt(Horizontal):
             self.screen.set_focus(self.query_one(MissionInput))
 
 
-MOST = 4
-
-
-def example_orders(world: World) -> tuple[str, ...]:
-    """Return up to four orders, each with another gate as long as there are others.
-
-    The assets in them are spare ones where there are any: no gate is their post.
-    """
-    gates = cycle(world.gates)
-    orders: list[str] = []
-    if drone := _spare(world, ("uav",)):
-        orders.append(f"Send {drone} to look at {next(gates)}.")
-    if walker := _spare(world, ("ugv", "robot")):
-        orders.append(f"Send {walker} to {next(gates)}.")
-    orders.append(f"Report on {next(gates)}.")
-    if robot := _spare(world, ("robot", "ugv", "uav")):
-        orders.append(f"Send {robot} home.")
-    return tuple(orders[:MOST])
-
-
-def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
-    """Return an asset of the first kind that there is; empty without any."""
-    return next(_by_choice(world, kinds), "")
-
-
-def _by_choice(world: World, kinds: tuple[AssetKind, ...]) -> Iterator[str]:
-    for kind in kinds:
-        own = [name for name, spec in world.assets.items() if spec.kind == kind]
-        yield from (name for name in own if world.assets[name].post not in world.gates)
-        yield from own
-
-
-HEADING = "To begin: a key types the order, Enter sends it"
-
-
 class ExampleLine(Static):
     """One order."""
 
@@ -497,12 +460,6 @@ class ExampleLine(Static):
 class ExampleOrders(Vertical):
     """Shown until the first mission of a session."""
 
-    @dataclass
-    class OrderChosen(Message):
-        """One of the orders was chosen."""
-
-        order: str
-
     def __init__(self, orders: Sequence[str], **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
         self.orders = tuple(orders)
@@ -512,8 +469,3 @@ class ExampleOrders(Vertical):
         yield Static(Content.styled(HEADING, QUIET))
         for number, order in enumerate(self.orders, start=1):
             yield ExampleLine(number, order)
-
-    def on_example_line_clicked(self, message: ExampleLine.Clicked) -> None:
-        """Pass the clicked example on."""
-        message.stop()
-        self.post_message(self.OrderChosen(message.order))

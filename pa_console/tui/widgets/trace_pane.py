@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
 from textual.content import Content
-from textual.message import Message
 from textual.widgets import Static
 
 from pa_console.schema.text import visible
@@ -20,6 +20,8 @@ from pa_console.views.trace_parts import Span, TraceOptions, rows_of, title_of
 from pa_console.views.trace_planning import Rules
 
 _SHOWN = TraceOptions()
+
+NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
 
 
 def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
@@ -76,9 +78,6 @@ def headline(trace: MissionTrace) -> list[WrappedRow]:
     return [row("", content(line)) for line in trace_layout.headline(trace)]
 
 
-NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
-
-
 def trace_text(trace: MissionTrace, rules: Rules) -> str:
     """Return the whole trace as text, folded sections included."""
     mission = trace.mission
@@ -88,24 +87,13 @@ def trace_text(trace: MissionTrace, rules: Rules) -> str:
 
 
 class SectionTitle(Static, can_focus=True):
-    """A section's title; Enter or a click folds and unfolds the section."""
-
-    BINDINGS = [Binding("enter", "fold", "Fold", show=False)]
-
-    class Folded(Message):
-        """The operator asked to fold or unfold."""
-
-    def action_fold(self) -> None:
-        """Ask the section to fold or unfold."""
-        self.post_message(self.Folded())
-
-    def on_click(self) -> None:
-        """Ask the section to fold or unfold."""
-        self.post_message(self.Folded())
+    """A section's title."""
 
 
 class SectionView(Vertical):
-    """One section; what the operator folded or unfolded stays so while it grows."""
+    """One section; Enter or a click on its title folds it, and it stays so while it grows."""
+
+    BINDINGS = [Binding("enter", "fold", "Fold", show=False)]
 
     def __init__(self, section: RowSection) -> None:
         super().__init__()
@@ -132,9 +120,13 @@ class SectionView(Vertical):
             self._label()
         self._sheet.show(section.rows)
 
-    def on_section_title_folded(self, message: SectionTitle.Folded) -> None:
+    def on_click(self, event: events.Click) -> None:
+        """Fold or unfold by a click on the title."""
+        if event.widget is self._title:
+            self.action_fold()
+
+    def action_fold(self) -> None:
         """Fold or unfold."""
-        message.stop()
         self._folded = not self._folded
         self._label()
 

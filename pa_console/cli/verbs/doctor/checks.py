@@ -132,7 +132,7 @@ def _canonical(name: str) -> str:
 
 def load_or_default() -> tuple[LoadedSettings, Check]:
     """Return the settings, or the defaults when they cannot be used, and their check."""
-    from pa_console.tui.settings_rows import problems  # noqa: PLC0415 - the screen's libraries
+    from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
     remedy = "correct it, or go back to the defaults: pa-console settings reset"
     try:

@@ -1,8 +1,11 @@
-"""A form for a plan: one row an action, with names to pick, checked while it is edited."""
+"""A plan as it is changed: a form with one row an action, or its JSON; checked while it is edited.
+
+The draft survives in `draft` when one of the two is left.
+"""
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, cast
@@ -16,7 +19,7 @@ from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
 from textual.screen import ModalScreen
 from textual.suggester import SuggestFromList
-from textual.widgets import Button, Input, Static
+from textual.widgets import Button, Input, Static, TextArea
 
 from pa_console.mission.examine import Examination
 from pa_console.schema.command import COMMANDS, Verb
@@ -24,12 +27,15 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import BAD, GOOD, KIND_WORDS, QUIET, WARN
-from pa_console.tui.widgets.fields import LineField
+from pa_console.tui.widgets.fields import LineField, TextField
 
 CHECK_AFTER_S = 0.3
 """The pause in editing after which the plan is rehearsed and checked, seconds."""
 LIKE = 60.0
 """The likeness from which on a name is suggested, of 100."""
+
+OTHER = "other"
+"""The answer that opens the other of the two."""
 
 Examine = Callable[[Plan], Awaitable[Examination]]
 """Checks and rehearses a plan; nothing is decided by that."""
@@ -47,6 +53,27 @@ def _unknown(text: str, what: str, options: Sequence[str]) -> str:
     near = nearest(text, options)
     hint = f"did you mean {near}? ↓ takes it" if near else f"known: {', '.join(options[:6])}"
     return f"{what}: {hint}"
+
+
+def plan_json(plan: Plan) -> str:
+    """Write a plan as JSON for editing: one action a line."""
+    return _written(plan.reason, [action.model_dump() for action in plan.actions])
+
+
+def _written(reason: str, given: Iterable[Mapping[str, object]]) -> str:
+    actions = ",\n".join(f"    {json.dumps(action)}" for action in given)
+    listed = f"[\n{actions}\n  ]" if actions else "[]"
+    return f'{{\n  "reason": {json.dumps(reason)},\n  "actions": {listed}\n}}'
+
+
+def read_plan(text: str) -> Plan | str:
+    """Return the plan in `text`, or its fault and the place of it."""
+    try:
+        return Plan.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        return f"{place}: {first['msg']}" if place else first["msg"]
 
 
 @dataclass(frozen=True)
@@ -167,12 +194,8 @@ class ActionRow(Vertical):
         self._said.update(Content.styled(said, style))
 
 
-JSON = "json"
-"""The answer that opens the plan as JSON."""
-
-
 class PlanForm(ModalScreen["Plan | str | None"]):
-    """Returns the changed plan, JSON, or None; the draft survives in `draft` when it is left."""
+    """The plan as a form; returns the changed plan, OTHER for its JSON, or None."""
 
     BINDINGS = [
         Binding("escape", "leave", "Back, keep the draft"),
@@ -233,13 +256,13 @@ class PlanForm(ModalScreen["Plan | str | None"]):
     def _check(self) -> Plan | None:
         """Show errors at once; without any, examine the plan in the next pause."""
         rows = self._rows
-        self.draft = _json(self._reason, [each.row for each in rows])
+        self.draft = _written(self._reason, [each.row.action for each in rows])
         faults = [each.row.fault(self._world) for each in rows]
-        plan, why = _plan_in(self.draft) if not any(faults) else (None, "")
+        read = "see the rows" if any(faults) else read_plan(self.draft)
+        plan = read if isinstance(read, Plan) else None
         for number, (each, fault) in enumerate(zip(rows, faults, strict=True), start=1):
             each.tell(number, f"✘ {fault}" if fault else "…", BAD if fault else QUIET)
-        waits = "checking …" if plan is not None else why or "✘ see the rows"
-        self._tell(waits, QUIET if plan is not None else BAD)
+        self._tell(*(("checking …", QUIET) if plan is not None else (f"✘ {read}", BAD)))
         self.query_one("#send", Button).disabled = plan is None
         if plan is not None:
             look = partial(self._look, plan)
@@ -289,7 +312,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
     def action_json(self) -> None:
         """Write the plan as JSON instead."""
         self._check()
-        self.dismiss(JSON)
+        self.dismiss(OTHER)
 
     async def action_add(self) -> None:
         """Add a row at the end."""
@@ -337,15 +360,84 @@ def _outlook(row: FormRow, preview: PlanPreview | None) -> Iterator[str]:
         yield f"battery {line.least_battery_pct:.0f} % left"
 
 
-def _json(reason: str, rows: Sequence[FormRow]) -> str:
-    """Write the rows as JSON for editing: one action a line."""
-    actions = ",\n".join(f"    {json.dumps(row.action)}" for row in rows)
-    listed = f"[\n{actions}\n  ]" if rows else "[]"
-    return f'{{\n  "reason": {json.dumps(reason)},\n  "actions": {listed}\n}}'
+class PlanField(TextField):
+    """The text of a plan, which one key selects as a whole, to be replaced by another."""
+
+    BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
 
 
-def _plan_in(draft: str) -> tuple[Plan | None, str]:
-    try:
-        return Plan.model_validate_json(draft), ""
-    except ValidationError as error:
-        return None, f"✘ {error.errors(include_url=False)[0]['msg']}"
+class PlanEditor(ModalScreen["Plan | str | None"]):
+    """The plan as JSON; returns the changed plan, OTHER for the form, or None."""
+
+    BINDINGS = [
+        Binding("escape", "dismiss", "Back, keep the draft"),
+        Binding("ctrl+s,f10", "send", "Send to the safeguards"),
+        Binding("ctrl+r", "revert", "The plan as it was proposed"),
+        Binding("f4", "form", "As a form"),
+    ]
+
+    def __init__(self, proposed: str, draft: str) -> None:
+        """Begin with `draft`; `proposed` is what one can always go back to."""
+        super().__init__()
+        self._proposed, self.draft = proposed, draft
+
+    def compose(self) -> ComposeResult:
+        """Yield the editor, the verdict on its text, and the buttons."""
+        with Vertical(id="editor"):
+            yield Static("The changed plan goes through all safeguards again.", id="editor-note")
+            yield PlanField(self.draft, id="editor-text", tab_behavior="focus", compact=True)
+            yield Static(id="editor-error", markup=False)
+            yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
+            with Horizontal(id="editor-buttons"):
+                yield Button("Back (Esc)", id="leave", compact=True)
+                yield Button("Send (^S)", id="send", variant="primary", compact=True)
+
+    def on_mount(self) -> None:
+        """Start in the text."""
+        self.query_one(TextArea).cursor_blink = False
+        editor = self.query_one("#editor")
+        editor.border_title = "Modify the plan"
+        editor.border_subtitle = "^A selects all   ^R plan as proposed   ^Z undo   F4 form"
+        self.query_one(TextArea).focus()
+        self._check()
+
+    def on_text_area_changed(self) -> None:
+        """Check the typed text at once."""
+        self._check()
+
+    def _check(self) -> Plan | None:
+        self.draft = self.query_one(TextArea).text
+        read = read_plan(self.draft)
+        error = self.query_one("#editor-error", Static)
+        good = isinstance(read, Plan)
+        error.update("✔ the plan can be read" if good else f"✘ {read}")
+        error.set_class(good, "-good")
+        self.query_one("#send", Button).disabled = not good
+        return read if isinstance(read, Plan) else None
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Send or leave."""
+        if event.button.id == "send":
+            self.action_send()
+        else:
+            self.dismiss(None)
+
+    def action_send(self) -> None:
+        """Return the plan if it can be read."""
+        plan = self._check()
+        if plan is not None:
+            self.dismiss(plan)
+
+    def action_form(self) -> None:
+        """Go back to the form, if the text is a plan."""
+        if self._check() is not None:
+            self.dismiss(OTHER)
+
+    def action_revert(self) -> None:
+        """Put the proposed plan back; what was typed comes again with an undo."""
+        area = self.query_one(TextArea)
+        area.replace(self._proposed, area.document.start, area.document.end)
+
+
+def _usage() -> list[str]:
+    return [f"{verb} FRAME" if spec.takes_frame else verb for verb, spec in COMMANDS.items()]
