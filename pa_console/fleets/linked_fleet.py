@@ -16,14 +16,21 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from pa_console.fleets.fleet import Received
-from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice, NotReady
+from pa_console.fleets.link import (
+    DeviceAnswer,
+    GroundMap,
+    Link,
+    LinkNews,
+    LinkNotice,
+    NotReady,
+)
 from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
 from pa_console.fleets.reports import AssetReport, Belief, Notices, SensorReport
 from pa_console.fleets.simulated import Authorize, Verify
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.events.event import Level
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.schema.world import World
+from pa_console.schema.world import Background, World
 from pa_console.sim import picture as station_side
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -85,6 +92,8 @@ class LinkedFleet(ReportedFleet):
         """Begins every command id on a link, so that ids of an earlier session are not repeated."""
         self._sent: OrderedDict[str, _SentCommand] = OrderedDict()
         self._replies: list[CommandReply] = []
+        self.background: Background | None = None
+        """The newest map that robots have made of the ground."""
         self._down: set[str] = set()
         self._manual: set[str] = set()
         self._authorize: Authorize | None = None
@@ -263,6 +272,8 @@ class LinkedFleet(ReportedFleet):
             case NotReady(agent, why):
                 if self._is_on(link, agent):
                     self._known.note_readiness(agent, why[:MOST_DETAIL])
+            case GroundMap(background):
+                self.background = background
             case AssetReport():
                 if self._is_on(link, news.agent) and link.name not in self._down:
                     self._take_report(link, news)

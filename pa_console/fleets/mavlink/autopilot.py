@@ -22,7 +22,7 @@ from mavsdk.system import System
 from pa_console.fleets.mavlink import ardupilot
 from pa_console.fleets.mavlink.commands import ACCEPTED, RESULTS, Cmd, Kind, MavCommand, MavItem
 from pa_console.fleets.mavlink.flight import Flight
-from pa_console.fleets.mavlink.messages import POSITION, MessageWatch
+from pa_console.fleets.mavlink.messages import POSITION, RequestedMessages, needed_messages
 from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
@@ -56,7 +56,8 @@ class MavsdkAutopilot:
         """Ask the vehicle for positions at `rate_hz`."""
         self._system, self._post = system, post
         self._stands = float(ardupilot.STANDS[asset_kind])
-        self.messages = MessageWatch(asset_kind, 1.0 / rate_hz, time.monotonic())
+        needed = needed_messages(asset_kind, 1.0 / rate_hz)
+        self.messages = RequestedMessages(needed, time.monotonic())
         self.parameters: dict[str, float] = {}
         """The values of parameters that were read."""
         self._unnamed = frozenset[str]()
@@ -124,9 +125,8 @@ class MavsdkAutopilot:
         """Request the messages that do not arrive, and report the missing ones to the flight."""
         now_s = time.monotonic()
         for needed in self.messages.due(now_s):
-            micros = self.messages.period_s(needed) * 1e6
-            asked = MavCommand(Cmd.SET_MESSAGE_INTERVAL, (float(needed.number), micros))
-            self.send(asked, 0)
+            interval = (float(needed.number), needed.period_s * 1e6)
+            self.send(MavCommand(Cmd.SET_MESSAGE_INTERVAL, interval), 0)
         missing = self.messages.missing(now_s)
         names = frozenset(needed.name for needed in missing)
         if self._flight is not None and self.connected and not names <= self._unnamed:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice, NotReady
+from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
 from pa_console.fleets.mavlink import commands
 from pa_console.fleets.mavlink.ardupilot import BATTERY
 from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
@@ -26,6 +26,7 @@ from pa_console.fleets.mavlink.orders import (
     Upload,
 )
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
+from pa_console.fleets.readiness import Readiness
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
@@ -101,7 +102,7 @@ class Flight:
         self._kind = vehicles.vehicles[agent].kind
         self.state = DroneState(geography, ground_bound=self._kind == "ugv")
         self._found_kind = self._kind
-        self._not_ready, self._checks_s = "", 0.0
+        self.readiness, self._checks_s = Readiness(agent, tell), 0.0
         areas = fence_of(terrain.world, geography)
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._order: FlightOrder | None = None
@@ -141,11 +142,6 @@ class Flight:
             self._answer(command, "done", self._words())
         else:
             self._begin(command)
-
-    @property
-    def not_ready(self) -> str:
-        """The reason why it cannot start yet, '' if it can."""
-        return self._not_ready
 
     def may_arm(self) -> bool:
         """Return whether an order from the station needs the drone armed now."""
@@ -375,9 +371,7 @@ class Flight:
                     self._autopilot.send(commands.CHECK_AGAIN, 0)
             if not parts and self.fence.pending:
                 parts.append(self.fence.problem)
-        if (why := "; ".join(parts)) != self._not_ready:
-            self._not_ready = why
-            self._tell(NotReady(self.agent, why))
+        self.readiness.note(parts)
 
     def _why_no_fence(self, at: Point) -> str:
         """Return why the fence of a drone `at` a place may not be replaced, '' when it may."""

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Any
 
 from pa_console.fleets.ros2.connection import RobotEntry
-from pa_console.fleets.ros2.messages import Planar, read_result
+from pa_console.fleets.ros2.messages import Planar, read_result, read_state
 
 
 def _interface(name: str) -> Any:
@@ -30,6 +30,7 @@ _executors: Any = import_module("rclpy.executors")
 _qos: Any = import_module("rclpy.qos")
 _GOTO = "nav2_msgs/action/NavigateToPose"
 _Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelGoal")
+_GetState = _interface("lifecycle_msgs/srv/GetState")
 
 STEP_S = 0.05
 """The interval of `step`, seconds."""
@@ -52,9 +53,9 @@ Then = Callable[[Any], object]
 class RosNode:
     """A node; after `start`, its own thread alone uses it, and `post` gives that work."""
 
-    def __init__(self, domain: int | None, fault: Callable[[Exception], object]) -> None:
-        """`fault` gets what a message or work raised."""
-        self._fault, self._closed = fault, False
+    def __init__(self, domain: int | None, guarded: Callable[[Callable[[], object]], None]) -> None:
+        """`guarded` does one thing, whatever that raises."""
+        self._guarded, self._closed = guarded, False
         self._work: deque[Callable[[], object]] = deque()
         self._calls: dict[Any, tuple[float, Any, Then]] = {}
         """The futures of services that have not answered: time limit, client, and what follows."""
@@ -88,11 +89,16 @@ class RosNode:
         self._work.append(work)
         self._wake.trigger()
 
-    def listen(self, topic: str, kind: str, take: Then, *, kept: bool = False) -> None:
-        """Subscribe to a topic; of one that is `kept`, the last message comes at once."""
+    def listen(
+        self, topic: str, kind: str, take: Then, *, kept: bool = False, depth: int = 50
+    ) -> None:
+        """Subscribe to a topic; of one that is `kept`, the last message comes at once.
+
+        Of messages that come too fast, the last `depth` are taken.
+        """
         reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
         durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
-        profile = _qos.QoSProfile(depth=50, reliability=reliable, durability=durable)
+        profile = _qos.QoSProfile(depth=depth, reliability=reliable, durability=durable)
         self.node.create_subscription(_interface(kind), topic, take, profile)
 
     def call(self, client: Any, request: Any, limit_s: float, then: Then) -> None:
@@ -125,13 +131,6 @@ class RosNode:
             left_s = max(0.0, step_s - monotonic())
             self._guarded(partial(self._executor.spin_once, left_s))
 
-    def _guarded(self, work: Callable[[], object]) -> None:
-        """Do one thing; no message ends the session that it reaches."""
-        try:
-            work()
-        except Exception as error:
-            self._fault(error)
-
     def _count(self) -> None:
         found = _actions.get_action_names_and_types(self.node)
         names = [name for name, types in found if _GOTO in types]
@@ -148,6 +147,23 @@ class RosNode:
                 del self._calls[future]
                 client.remove_pending_request(future)
                 then(None)
+
+
+class ManagedNode:
+    """A managed node of a robot, such as `bt_navigator`."""
+
+    def __init__(self, node: RosNode, name: str) -> None:
+        self._node, self._state = node, node.node.create_client(_GetState, f"{name}/get_state")
+
+    def ask(self, then: Callable[[str | None], None]) -> None:
+        """Ask for its state; `then` gets None if there is no such node, or no answer in time."""
+        if self._state.service_is_ready():
+            request = _GetState.Request()
+            self._node.call(
+                self._state, request, CALL_S, lambda said: then(said and read_state(said))
+            )
+        else:
+            then(None)
 
 
 class Nav2Server:
