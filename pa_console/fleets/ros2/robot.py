@@ -33,7 +33,7 @@ SILENT_S = 5.0
 """A robot whose position has not come for so long is not ready, seconds."""
 
 LOOK_S = 0.5
-"""The interval of looking what a robot lacks, seconds."""
+"""The interval of looking what a robot lacks, seconds: a look at the graph takes its time."""
 
 ASK_S = 2.0
 """The interval of asking a managed node for its state, seconds."""
@@ -110,7 +110,21 @@ class Robot:
                 node.listen(full, kind, partial(self._take, full, take), kept=kept)
 
     def step(self) -> None:
-        """Do what is due, and tell of an action server that has come, gone, or is not alone."""
+        """Do what is due."""
+        now_s = time.monotonic()
+        if now_s >= self._look_s:
+            self._look_s = now_s + LOOK_S
+            self._count_servers()
+            self.readiness.note(self._lacks(now_s))
+            self.navigator.not_ready = self.readiness.why
+        if now_s >= self._ask_s:
+            self._ask_s = now_s + ASK_S
+            for name, managed in self._managed.items():
+                managed.ask(partial(self._see_state, name))
+        self.navigator.step()
+
+    def _count_servers(self) -> None:
+        """Tell of an action server that has come, gone, or is not alone."""
         before, self._servers = self._servers, self.server.servers
         action = self.server.action
         if self._servers < before:  # the goals of a server that is gone are over
@@ -122,19 +136,6 @@ class Robot:
             self._say("alarm", f"its action server {action} is gone")
         elif self._servers > before:
             self._say("info", f"its action server {action} is there")
-        self._look(time.monotonic())
-        self.navigator.step()
-
-    def _look(self, now_s: float) -> None:
-        """Look what the robot lacks, and ask for the states of its managed nodes."""
-        if now_s >= self._look_s:
-            self._look_s = now_s + LOOK_S
-            self.readiness.note(self._lacks(now_s))
-            self.navigator.not_ready = self.readiness.why
-        if now_s >= self._ask_s:
-            self._ask_s = now_s + ASK_S
-            for name, managed in self._managed.items():
-                managed.ask(partial(self._see_state, name))
 
     def _see_state(self, name: str, state: str | None) -> None:
         """Take in the state of a managed node; one that never answers is none of the robot's."""
