@@ -5,6 +5,7 @@ import asyncio
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
@@ -27,7 +28,7 @@ async def carry_out(job: Job, engine: MemoEngine, fleet_of: FleetOf) -> bool:
     """Carry a mission out and print how it ended; return whether as the paper wants it."""
     began, rules = time.monotonic(), runner.enforced_rules(job.site.rulebook)
     print(f"{job.case.id}: {job.case.command}", flush=True)
-    with patch.object(runner, "SimulatedFleet", lambda checkpoint: fleet_of(job, checkpoint)):
+    with patch.object(runner, "SimulatedFleet", partial(fleet_of, job)):
         record = await runner.make_run(
             job, engine, lambda: idle_run(job.case, job.site.world, job.seed, rules), None
         )

@@ -28,6 +28,7 @@ _rclpy: Any = import_module("rclpy")
 _actions: Any = import_module("rclpy.action")
 _executors: Any = import_module("rclpy.executors")
 _qos: Any = import_module("rclpy.qos")
+_events: Any = import_module("rclpy.event_handler")
 _GOTO = "nav2_msgs/action/NavigateToPose"
 _Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelGoal")
 _GetState = _interface("lifecycle_msgs/srv/GetState")
@@ -78,6 +79,8 @@ class RosNode:
         self._wake = self.node.create_guard_condition(lambda: None)
         self.servers: dict[str, int] = {}
         """The number of servers of each action `NavigateToPose` in the domain."""
+        self.services: frozenset[str] = frozenset()
+        """The names of all services in the domain."""
 
     def start(self, step: Callable[[], object]) -> None:
         """Start the thread, which calls `step` every STEP_S."""
@@ -99,7 +102,11 @@ class RosNode:
         reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
         durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
         profile = _qos.QoSProfile(depth=depth, reliability=reliable, durability=durable)
-        self.node.create_subscription(_interface(kind), topic, take, profile)
+        # Without its default handlers, each of which makes every wait of the executor longer.
+        events = _events.SubscriptionEventCallbacks(use_default_callbacks=False)
+        self.node.create_subscription(
+            _interface(kind), topic, take, profile, event_callbacks=events
+        )
 
     def call(self, client: Any, request: Any, limit_s: float, then: Then) -> None:
         """Call a service; `then` gets the first answer, or None if there is none in time."""
@@ -135,6 +142,7 @@ class RosNode:
         found = _actions.get_action_names_and_types(self.node)
         names = [name for name, types in found if _GOTO in types]
         self.servers = {n: self.node.count_publishers(f"{n}/_action/status") for n in names}
+        self.services = frozenset(name for name, _ in self.node.get_service_names_and_types())
 
     def _answered(self, future: Any) -> None:
         if (call := self._calls.pop(future, None)) is not None:
@@ -150,20 +158,21 @@ class RosNode:
 
 
 class ManagedNode:
-    """A managed node of a robot, such as `bt_navigator`."""
+    """A managed node of a robot, such as `bt_navigator`, if the robot has it."""
 
     def __init__(self, node: RosNode, name: str) -> None:
-        self._node, self._state = node, node.node.create_client(_GetState, f"{name}/get_state")
+        self._node, self._service, self._client = node, f"{name}/get_state", None
 
     def ask(self, then: Callable[[str | None], None]) -> None:
         """Ask for its state; `then` gets None if there is no such node, or no answer in time."""
-        if self._state.service_is_ready():
-            request = _GetState.Request()
-            self._node.call(
-                self._state, request, CALL_S, lambda said: then(said and read_state(said))
-            )
-        else:
+        if self._service not in self._node.services:
             then(None)
+            return
+        client = self._client = self._client or self._node.node.create_client(
+            _GetState, self._service
+        )
+        request = _GetState.Request()
+        self._node.call(client, request, CALL_S, lambda said: then(said and read_state(said)))
 
 
 class Nav2Server:

@@ -43,7 +43,7 @@ Odometry: Any = import_module("nav_msgs.msg").Odometry
 TFMessage: Any = import_module("tf2_msgs.msg").TFMessage
 
 PERIOD_S = 0.4
-READY_S = 300.0
+READY_S = 900.0
 SAME_M = 0.1
 
 
@@ -51,6 +51,10 @@ def driven_verbs(world: World, name: str) -> list[Verb]:
     """Return the orders of an asset that are goals."""
     kind = world.assets[name].kind
     return [v for v, spec in COMMANDS.items() if v not in ("hold", "report") and kind in spec.kinds]
+
+
+def _accept(_goal: Any) -> Any:
+    return actions.CancelResponse.ACCEPT
 
 
 class Navigator:
@@ -75,7 +79,7 @@ class Navigator:
             NavigateToPose,
             f"/{name}/navigate_to_pose",
             self._execute,
-            cancel_callback=lambda _goal: actions.CancelResponse.ACCEPT,
+            cancel_callback=_accept,
         )
 
     async def _execute(self, goal: Any) -> Any:
