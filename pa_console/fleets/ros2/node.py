@@ -45,6 +45,9 @@ CALL_S = 3.0
 CANCEL_S = 1.0
 """A request to cancel all goals is repeated after this time, seconds."""
 
+LATE_S = 10.0
+"""An answer to a request that was repeated still counts for so long, seconds."""
+
 RESULT_S = 10.0
 """A result is asked for again after this time, seconds: its robot may have started again."""
 
@@ -58,8 +61,11 @@ class RosNode:
         """`guarded` does one thing, whatever that raises."""
         self._guarded, self._closed = guarded, False
         self._work: deque[Callable[[], object]] = deque()
-        self._calls: dict[Any, tuple[float, Any, Then]] = {}
-        """The futures of services that have not answered: time limit, client, and what follows."""
+        self._calls: dict[Any, tuple[float, float, Any, Then]] = {}
+        """The futures of services that have not answered.
+
+        Each has its time limit, when it is given up, its client, and what follows.
+        """
         self._context = _rclpy.Context()
         # Nothing is logged to the terminal, which is the console's screen.
         arguments = ["--ros-args", "--disable-stdout-logs", "--disable-rosout-logs"]
@@ -108,10 +114,15 @@ class RosNode:
             _interface(kind), topic, take, profile, event_callbacks=events
         )
 
-    def call(self, client: Any, request: Any, limit_s: float, then: Then) -> None:
-        """Call a service; `then` gets the first answer, or None if there is none in time."""
-        future = client.call_async(request)
-        self._calls[future] = (monotonic() + limit_s, client, then)
+    def call(
+        self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0
+    ) -> None:
+        """Call a service; `then` gets the first answer, or None if there is none in time.
+
+        An answer that is at most `late_s` late follows that None.
+        """
+        future, until_s = client.call_async(request), monotonic() + limit_s
+        self._calls[future] = (until_s, until_s + late_s, client, then)
         future.add_done_callback(self._answered)
 
     def close(self) -> None:
@@ -146,14 +157,17 @@ class RosNode:
 
     def _answered(self, future: Any) -> None:
         if (call := self._calls.pop(future, None)) is not None:
-            call[2](future.result())
+            call[3](future.result())
 
     def _expire(self) -> None:
         now_s = monotonic()
-        for future, (until_s, client, then) in list(self._calls.items()):
-            if until_s <= now_s:
+        for future, (until_s, given_up_s, client, then) in list(self._calls.items()):
+            if given_up_s <= now_s:
                 del self._calls[future]
                 client.remove_pending_request(future)
+            elif until_s <= now_s:
+                self._calls[future] = (math.inf, given_up_s, client, then)
+            if until_s <= now_s:
                 then(None)
 
 
@@ -209,7 +223,9 @@ class Nav2Server:
         request = _CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
         own, *others = self._cancels
-        self._node.call(own, request, CANCEL_S, lambda said: then(said and said.return_code))
+        self._node.call(
+            own, request, CANCEL_S, lambda said: then(said and said.return_code), LATE_S
+        )
         for other in others if goal_id is None else ():
             self._node.call(other, request, CALL_S, lambda _: None)
 
