@@ -7,7 +7,7 @@ a report from the future or from before the last one is discarded.
 import secrets
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -20,7 +20,7 @@ from pa_console.fleets.vda5050.asset_state import telemetry_of
 from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.commands import Robot
 from pa_console.fleets.vda5050.messages import Factsheet
-from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
+from pa_console.fleets.vda5050.sharing import SharedSession, signed_messages
 from pa_console.fleets.vda5050.station_link import Delivery, JoinedBus
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
@@ -28,6 +28,9 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 RETAIN_AGAIN_S = 1.0
 """An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
@@ -43,7 +46,7 @@ class MqttFleet(ReportedFleet):
     """
 
     def __init__(
-        self, world: World, joined: JoinedBus, keys: CommandAuthority | None = None
+        self, world: World, joined: JoinedBus, keys: "StationAuthority | None" = None
     ) -> None:
         super().__init__(ReportedPicture(world))
         self._elsewhere: Mapping[str, str] = {}
