@@ -11,7 +11,7 @@ from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.incident import Incident
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import World
+from pa_console.schema.world import Background, World
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,16 @@ class Filmed(Protocol):
 
         None stands for no picture.
         """
+        ...
+
+
+@runtime_checkable
+class MapsGround(Protocol):
+    """A fleet whose robots make a map of the ground; it is drawn, and no barrier to any route."""
+
+    @property
+    def background(self) -> Background | None:
+        """The newest map, None before there is one."""
         ...
 
 

@@ -5,7 +5,7 @@ scheme of its addresses: `--fleet SCHEME:ADDRESS`. `LinkedFleet` makes one fleet
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Protocol, runtime_checkable
@@ -15,7 +15,7 @@ from pa_console.resources import install_hint
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand, ReplyStatus
 from pa_console.schema.events.event import Level
-from pa_console.schema.world import AssetKind, World
+from pa_console.schema.world import AssetKind, Background, World
 from pa_console.settings.schema import Settings
 
 
@@ -46,7 +46,14 @@ class NotReady:
     why: str
 
 
-LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice | NotReady
+@dataclass(frozen=True)
+class GroundMap:
+    """A map that robots have made of the ground, in the world's frame; the newest one counts."""
+
+    background: Background
+
+
+LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice | NotReady | GroundMap
 
 
 @dataclass(frozen=True)
@@ -122,6 +129,10 @@ class LinkFinding:
     """The value as it should be, '' if it is."""
     consequence: str = ""
     """The effect of the wrong value, '' if nothing is wrong."""
+
+    def unless(self, good: object, wanted: str, consequence: str) -> "LinkFinding":
+        """Return it as it is if it is `good`, else with what it should be and the consequence."""
+        return self if good else replace(self, wanted=wanted, consequence=consequence)
 
 
 @runtime_checkable

@@ -16,14 +16,21 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from pa_console.fleets.fleet import Received
-from pa_console.fleets.link import DeviceAnswer, Link, LinkNews, LinkNotice, NotReady
-from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
-from pa_console.fleets.reports import AssetReport, Belief, Notices, SensorReport
+from pa_console.fleets.link import (
+    DeviceAnswer,
+    GroundMap,
+    Link,
+    LinkNews,
+    LinkNotice,
+    NotReady,
+)
+from pa_console.fleets.reported_fleet import ReportedFleet
+from pa_console.fleets.reported_picture import ReportedPicture
+from pa_console.fleets.reports import AssetReport, SensorReport
 from pa_console.fleets.simulated import Authorize, Verify
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
-from pa_console.schema.events.event import Level
 from pa_console.schema.telemetry import AssetTelemetry
-from pa_console.schema.world import World
+from pa_console.schema.world import Background, World
 from pa_console.sim import picture as station_side
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -73,18 +80,17 @@ class LinkedFleet(ReportedFleet):
         self._links, self._bus, self._now = tuple(links), bus, now
         self._began = self._read_at = now()
         self._link_of = _links_of_assets(self._links, world)
-        self._known = bus.known if bus is not None else ReportedPicture(world)
+        super().__init__(bus.known if bus is not None else ReportedPicture(world))
         self._known.links = {name: link.name for name, link in self._link_of.items()}
         if bus is not None:
             bus.reserve(dict(self._known.links))
             self._note_bus(bus)
-        self._period, self._tick = station_side.period_ticks(world), 0
-        self._told = Notices()
-        self._belief = Belief(world.dt_s, self._say)
+        self._period = station_side.period_ticks(world)
         self._session = secrets.token_hex(8)
         """Begins every command id on a link, so that ids of an earlier session are not repeated."""
         self._sent: OrderedDict[str, _SentCommand] = OrderedDict()
-        self._replies: list[CommandReply] = []
+        self.background: Background | None = None
+        """The newest map that robots have made of the ground."""
         self._down: set[str] = set()
         self._manual: set[str] = set()
         self._authorize: Authorize | None = None
@@ -106,8 +112,7 @@ class LinkedFleet(ReportedFleet):
         if self._bus is not None:  # it makes the picture of all
             self._bus.mark_manual(assets)
         else:
-            self._known.mark_manual(assets)
-            self._show()
+            super().mark_manual(assets)
 
     def wait_for_reports(self, seconds: float) -> None:
         """Wait for a first report of every asset on a link that works, for `seconds` at most."""
@@ -263,12 +268,14 @@ class LinkedFleet(ReportedFleet):
             case NotReady(agent, why):
                 if self._is_on(link, agent):
                     self._known.note_readiness(agent, why[:MOST_DETAIL])
+            case GroundMap(background):
+                self.background = background
             case AssetReport():
                 if self._is_on(link, news.agent) and link.name not in self._down:
                     self._take_report(link, news)
             case SensorReport():
                 if news.sensor in self.world.cameras or self._is_on(link, news.sensor):
-                    self._take_detections(news)
+                    self._take_sensor(self._stamp(news.sensor, news.sent), news)
 
     def _is_on(self, link: Link, name: str) -> bool:
         """Return whether `name` is an asset of that link; else it is not believed."""
@@ -286,14 +293,7 @@ class LinkedFleet(ReportedFleet):
             text = "answers a command that was not sent to it in this session: set aside"
             self._say("warning", answer.agent, text, "unknown command")
         elif not sent.ended:
-            sent.reply = CommandReply(
-                command_id=sent.command.command_id,
-                agent=answer.agent,
-                status=answer.status,
-                tick=self._tick,
-                detail=answer.detail[:MOST_DETAIL],
-            )
-            self._replies.append(sent.reply)
+            sent.reply = self._reply(sent.command, answer.status, answer.detail[:MOST_DETAIL])
 
     def _take_report(self, link: Link, report: AssetReport) -> None:
         name = report.agent
@@ -307,14 +307,6 @@ class LinkedFleet(ReportedFleet):
             return
         (self._manual.add if report.manual else self._manual.discard)(name)
         self._known.report(name, stamp, said)
-
-    def _take_detections(self, seen: SensorReport) -> None:
-        stamp = self._stamp(seen.sensor, seen.sent)
-        if stamp is None or stamp < 0:
-            return  # what sensors saw before the session began, they report again by now
-        if self._belief.is_recent(seen.sensor, self._tick - stamp):
-            for aside in self._known.detect(stamp, seen):
-                self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _stamp(self, name: str, sent: datetime) -> int | None:
         """Return the tick at which a report was sent, None for one that is not believed."""
@@ -368,16 +360,9 @@ class LinkedFleet(ReportedFleet):
     def _refuse(self, command: DeviceCommand, why: str) -> None:
         """Answer `command` in place of its asset."""
         sent = self._sent.get(command.command_id)
-        reply = CommandReply(
-            command_id=command.command_id,
-            agent=command.agent,
-            status="refused",
-            tick=self._tick,
-            detail=why[:MOST_DETAIL],
-        )
+        reply = self._reply(command, "refused", why[:MOST_DETAIL])
         if sent is not None and sent.command == command:
             sent.reply = reply
-        self._replies.append(reply)
 
     def _assets_on(self, link: Link) -> Iterator[str]:
         return (name for name, other in self._link_of.items() if other is link)
@@ -388,18 +373,9 @@ class LinkedFleet(ReportedFleet):
         except Exception as error:
             return f"{type(error).__name__}: {error}"
 
-    def _show(self) -> None:
-        """Make the picture anew, and name those whose reports it had to be made without."""
-        for name in dict.fromkeys(self._known.show()):
-            text = "what it reports cannot be shown in any picture and is set aside"
-            self._say("alarm", name, text, "fault picture")
-
     def _fault(self, link: Link, what: str, error: Exception) -> None:
         text = f"{what}: {type(error).__name__}: {error}"
         self._say("alarm", link.name, text, f"fault {what}")
-
-    def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
-        self._told.say(level, subject, text, self.time_s, kind)
 
 
 def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:

@@ -151,36 +151,6 @@ SEEN_PERIODS = 2.0
 """The telemetry periods during which a sensor's sighting of an asset counts."""
 
 
-class ReportedFleet:
-    """The picture and the clock of a fleet that goes by reports; `_tick` counts its steps."""
-
-    _known: "ReportedPicture"
-    _tick: int
-
-    @property
-    def world(self) -> World:
-        """The world of the fleet."""
-        return self._known.world
-
-    @property
-    def tick(self) -> int:
-        """Steps taken since the session began."""
-        return self._tick
-
-    @property
-    def time_s(self) -> float:
-        """Seconds on the station's clock since the session began."""
-        return self._known.terrain.seconds(self._tick)
-
-    def picture(self) -> Picture:
-        """Return the picture as it was made last, every `world.telemetry_period_s`."""
-        return self._known.picture()
-
-    def forecast(self) -> Checkpoint:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
-        return self._known.forecast()
-
-
 class ReportedPicture:
     """Collects reports and detections by their tick of sending, and builds the picture.
 

@@ -301,6 +301,10 @@ class JoinedStation:
         self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=told))
         return told
 
+    @property
+    def ground(self) -> None:
+        """No map: robots send theirs to the station that commands them."""
+
     async def still_of(self, _track: str) -> ev.CameraStill | None:
         """Return None: only the station of the session takes and keeps stills."""
         return None

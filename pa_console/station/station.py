@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from pa_console import __version__
-from pa_console.fleets.fleet import PlanCountersignature, Simulated
+from pa_console.fleets.fleet import MapsGround, PlanCountersignature, Simulated
 from pa_console.language.orders.order_changes import ManualWords, OrderChange, read_manual
 from pa_console.language.questions import Question
 from pa_console.language.references.conversation import Unclear, corrects
@@ -26,6 +26,7 @@ from pa_console.schema.incident import Incident
 from pa_console.schema.mission import Decision, Metrics, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
+from pa_console.schema.world import Background as GroundMap
 from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
@@ -140,6 +141,11 @@ class ControlStation:
     def world(self) -> World:
         """The world of the fleet."""
         return self._fleet.world
+
+    @property
+    def ground(self) -> GroundMap | None:
+        """The map of the ground that robots have made last, None for none."""
+        return self._fleet.background if isinstance(self._fleet, MapsGround) else None
 
     @property
     def retriever(self) -> Retriever:

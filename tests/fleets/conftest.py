@@ -8,10 +8,10 @@ from contextlib import contextmanager
 
 import pytest
 
+from pa_console.fleets.station_authority import StationAuthority
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
-from pa_console.fleets.vda5050.sharing import CommandAuthority
 from pa_console.fleets.vda5050.simulated_site import SimulatedSite, SiteOptions
 from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.fleets.vda5050.station_link import join
@@ -98,7 +98,7 @@ def running(
 def joined(
     world: World,
     address: BrokerAddress,
-    keys: CommandAuthority | None = None,
+    keys: StationAuthority | None = None,
     credentials: Credentials | None = None,
 ) -> Generator[MqttFleet]:
     """Yield the fleet of the site at `address`, once the site is there."""

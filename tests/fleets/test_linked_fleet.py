@@ -6,14 +6,15 @@ from math import nan
 
 import pytest
 
-from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.fleet import MapsGround
+from pa_console.fleets.link import DeviceAnswer, GroundMap, LinkNews, LinkNotice
 from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.reports import ContactReport, SensorReport
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
-from pa_console.schema.world import World
+from pa_console.schema.world import Background, World
 from pa_console.session.log.writer import Journal
 from pa_console.session.state import SessionState
 from pa_console.session.wording import links_in_words
@@ -335,6 +336,15 @@ def test_what_sensors_on_a_link_detect_becomes_a_track(desk: Desk, world: World)
     (track,) = desk.fleet.picture().tracks.values()
     assert track.seen_by == (DRONE,)
     assert desk.told(DRONE) == ["the lens is dirty"]
+
+
+def test_the_newest_map_of_the_robots_is_the_fleet_s(desk: Desk) -> None:
+    assert isinstance(desk.fleet, MapsGround)
+    assert desk.fleet.background is None
+    older, newer = (Background(origin=(0.0, 0.0), cell_m=1.0, rows=(row,)) for row in "#.")
+    desk.links[0].news += [GroundMap(older), GroundMap(newer)]
+    desk.go()
+    assert desk.fleet.background == newer
 
 
 def test_an_asset_on_two_links_is_an_error_at_the_start(world: World) -> None:

@@ -1,12 +1,15 @@
 """A robot's map is read as its map server would read it, and drawn where its places are."""
 
+import cmath
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import MOST_ROWS, Background
-from pa_console.sim.worlds.occupancy_map import read_occupancy_map
+from pa_console.sim.worlds.occupancy_map import background_of, read_occupancy_map
 from pa_console.tui.map.scene import MapScene
 from tests.tui.site import WORLD, picture
 
@@ -84,6 +87,26 @@ def test_what_cannot_be_read_is_named(
 ) -> None:
     with pytest.raises(DocumentError, match=says):
         read_occupancy_map(write(tmp_path, image, **fields))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4, math.pi / 4, -2.5])
+def test_a_turned_map_has_its_walls_where_they_are_and_no_gaps(turn: float) -> None:
+    occupied = np.ones((300, 500), np.bool_)
+    ground = background_of(occupied, ~occupied, (3.0, -4.0), 0.1, turn)
+    assert max(len(ground.rows), len(ground.rows[0])) <= MOST_ROWS
+    for x, y in ((0.3, 0.3), (49.0, 0.5), (25.0, 15.0), (0.5, 29.0), (49.0, 29.0)):
+        at = complex(3.0, -4.0) + complex(x, y) * cmath.exp(1j * turn)
+        assert ground.is_occupied((at.real, at.imag)), (x, y)
+    outside = complex(3.0, -4.0) + complex(-2.0, -2.0) * cmath.exp(1j * turn)
+    assert not ground.is_occupied((outside.real, outside.imag))
+
+
+def test_a_map_that_robots_make_takes_the_place_of_the_world_s() -> None:
+    under = Background(origin=(-15.0, -15.0), cell_m=1.0, rows=("#" * 30,) * 30)
+    scene = MapScene(WORLD)
+    assert not any("▒" in line for line in scene.draw(picture(), 100, 30).lines())
+    scene.lay(under)
+    assert any("▒" in line for line in scene.draw(picture(), 100, 30).lines())
 
 
 @pytest.mark.parametrize("cell_m", [1.0, 30.0])

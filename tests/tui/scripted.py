@@ -74,7 +74,7 @@ class ScriptedStation:
     """Yields the events given at the start, then whatever `emit` adds."""
 
     def __init__(self, payloads: Iterable[EventPayload] = (), broken: str = "") -> None:
-        self.rate = 1.0
+        self.rate, self.ground = 1.0, None
         self.submitted: list[str] = []
         self.decisions: list[Decision] = []
         self.pointed = ""

@@ -71,9 +71,8 @@ class Parameter:
         value = values.get(self.name)
         if value is None:
             return LinkFinding(agent, self.name, "not reported")
-        if self.good(value):
-            return LinkFinding(agent, self.name, f"{value:g}")
-        return LinkFinding(agent, self.name, f"{value:g}", self.wanted, self.otherwise)
+        finding = LinkFinding(agent, self.name, f"{value:g}")
+        return finding.unless(self.good(value), self.wanted, self.otherwise)
 
 
 def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:

@@ -22,7 +22,7 @@ from mavsdk.system import System
 from pa_console.fleets.mavlink import ardupilot
 from pa_console.fleets.mavlink.commands import ACCEPTED, RESULTS, Cmd, Kind, MavCommand, MavItem
 from pa_console.fleets.mavlink.flight import Flight
-from pa_console.fleets.mavlink.messages import POSITION, MessageWatch
+from pa_console.fleets.mavlink.messages import POSITION, RequestedMessages, needed_messages
 from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
@@ -56,14 +56,15 @@ class MavsdkAutopilot:
         """Ask the vehicle for positions at `rate_hz`."""
         self._system, self._post = system, post
         self._stands = float(ardupilot.STANDS[asset_kind])
-        self.messages = MessageWatch(asset_kind, 1.0 / rate_hz, time.monotonic())
+        needed = needed_messages(asset_kind, 1.0 / rate_hz)
+        self.messages = RequestedMessages(needed, time.monotonic())
         self.parameters: dict[str, float] = {}
         """The values of parameters that were read."""
         self._unnamed = frozenset[str]()
         self._telemetry, self._action = Telemetry(system), Action(system)
         self._mission, self._direct = MissionRaw(system), MavlinkDirect(system)
         self.system_id: int = system.get_system_id()
-        self._flight: Flight | None = None
+        self._flight: Flight  # given before anything is subscribed to or asked for
 
     @property
     def kind(self) -> Kind:
@@ -116,7 +117,7 @@ class MavsdkAutopilot:
             take(cast("dict[str, Any]", json.loads(fields_json)))
 
     def _positioned(self, received: Any, _data: Any) -> None:
-        if received.component_id == AUTOPILOT and self._flight is not None:
+        if received.component_id == AUTOPILOT:
             take = partial(self._flight.positioned, arrived=datetime.now(UTC))
             self._post(partial(self._heard, POSITION, take, received.fields_json))
 
@@ -124,12 +125,11 @@ class MavsdkAutopilot:
         """Request the messages that do not arrive, and report the missing ones to the flight."""
         now_s = time.monotonic()
         for needed in self.messages.due(now_s):
-            micros = self.messages.period_s(needed) * 1e6
-            asked = MavCommand(Cmd.SET_MESSAGE_INTERVAL, (float(needed.number), micros))
-            self.send(asked, 0)
+            interval = (float(needed.number), needed.period_s * 1e6)
+            self.send(MavCommand(Cmd.SET_MESSAGE_INTERVAL, interval), 0)
         missing = self.messages.missing(now_s)
         names = frozenset(needed.name for needed in missing)
-        if self._flight is not None and self.connected and not names <= self._unnamed:
+        if self.connected and not names <= self._unnamed:
             lines = [f"{needed.name}: {needed.lacking}" for needed in missing]
             self._flight.lacks("; ".join(lines))
         self._unnamed = names
@@ -146,8 +146,6 @@ class MavsdkAutopilot:
         return heard
 
     def _heartbeat(self, message: dict[str, Any]) -> None:
-        if self._flight is None:
-            return
         self._flight.heartbeat(int(message["base_mode"]), int(message["system_status"]))
         if self.kind == "ardupilot":
             vehicle = int(message["type"])
@@ -158,27 +156,26 @@ class MavsdkAutopilot:
         """Take in which of the vehicle's own checks fail: those before arming, and of sensors."""
         enabled = int(message["onboard_control_sensors_enabled"])
         fails = enabled & ~int(message["onboard_control_sensors_health"])
-        if self._flight is not None and enabled & PREARM_CHECK:
+        if enabled & PREARM_CHECK:
             self._flight.checked(not fails & PREARM_CHECK)
-        if self._flight is not None and self.kind == "ardupilot":
+        if self.kind == "ardupilot":
             self._flight.health(not fails & SENSORS)
 
     def _mode(self, mode: Any) -> None:
-        if self._flight is not None and self.kind != "ardupilot":
+        if self.kind != "ardupilot":
             self._flight.mode_changed(mode.name)
 
     def _battery(self, battery: Any) -> None:
         remaining = float(battery.remaining_percent)
-        if self._flight is not None and 0.0 <= remaining <= 100.0 and battery.id == 0:
+        if 0.0 <= remaining <= 100.0 and battery.id == 0:
             self._flight.state.battery_pct = remaining
 
     def _landed(self, landed: Any) -> None:
         known = {LandedState.ON_GROUND: True, LandedState.UNKNOWN: None}
-        if self._flight is not None:
-            self._flight.state.on_ground = known.get(landed, False)
+        self._flight.state.on_ground = known.get(landed, False)
 
     def _health(self, health: Any) -> None:
-        if self._flight is not None and self.kind != "ardupilot":
+        if self.kind != "ardupilot":
             self._flight.health(
                 bool(
                     health.is_gyrometer_calibration_ok
@@ -189,8 +186,7 @@ class MavsdkAutopilot:
             )
 
     def _home(self, home: Any) -> None:
-        if self._flight is not None:
-            self._flight.home_at(float(home.latitude_deg), float(home.longitude_deg))
+        self._flight.home_at(float(home.latitude_deg), float(home.longitude_deg))
 
     def send(self, command: MavCommand, times: int) -> None:
         """Send a command once; `times` is the number of earlier attempts."""
@@ -226,7 +222,8 @@ class MavsdkAutopilot:
 
         def done(result: ActionResult, _data: Any) -> None:
             problem = "" if result == ActionResult.SUCCESS else _word(result)
-            self._post(partial(self._held, problem, result not in UNANSWERED))
+            answered = result not in UNANSWERED
+            self._post(partial(self._flight.held, problem, answered=answered))
 
         self._action.hold_async(done)
 
@@ -236,20 +233,15 @@ class MavsdkAutopilot:
         def taken() -> None:
             result = _result_of(ack)
             problem = "" if result == ACCEPTED else RESULTS.get(result, "timeout")
-            self._held(problem, result >= 0)
+            self._flight.held(problem, answered=result >= 0)
 
         self._post(taken)
-
-    def _held(self, problem: str, answered: bool) -> None:
-        if self._flight is not None:
-            self._flight.held(problem, answered=answered)
 
     def upload_mission(self, items: Sequence[MavItem]) -> None:
         """Replace its mission."""
 
         def done(result: MissionRawResult, _data: Any) -> None:
-            if self._flight is not None:
-                self._post(partial(self._flight.uploaded, _problem(result)))
+            self._post(partial(self._flight.uploaded, _problem(result)))
 
         self._mission.upload_mission_async(_raw(items, MISSION), done)
 
@@ -261,13 +253,9 @@ class MavsdkAutopilot:
         """Replace its geofence."""
 
         def done(result: MissionRawResult, _data: Any) -> None:
-            self._post(partial(self._fence_uploaded, _problem(result)))
+            self._post(partial(self._flight.fence_uploaded, _problem(result)))
 
         self._mission.upload_geofence_async(_raw(items, FENCE), done)
-
-    def _fence_uploaded(self, problem: str) -> None:
-        if self._flight is not None:
-            self._flight.fence_uploaded(problem)
 
     def read_fence(self) -> None:
         """Ask for its geofence."""
@@ -278,13 +266,9 @@ class MavsdkAutopilot:
                 MavItem(i.command, i.x, i.y, i.z, (i.param1, i.param2, i.param3, i.param4), i.frame)
                 for i in items
             )
-            self._post(partial(self._fence_read, "" if none else _problem(result), found))
+            self._post(partial(self._flight.fence_read, "" if none else _problem(result), found))
 
         self._mission.download_geofence_async(done)
-
-    def _fence_read(self, problem: str, items: Sequence[MavItem]) -> None:
-        if self._flight is not None:
-            self._flight.fence_read(problem, items)
 
     def enforce_fence(self) -> None:
         """Have an ArduPilot act on its fence, and ask a PX4 whether it does."""
@@ -294,7 +278,7 @@ class MavsdkAutopilot:
             self.read_parameter(FENCE_TYPE)
             self.read_parameter(FENCE_ACTION)
         else:
-            self._enforced("")
+            self._flight.fence.enforced("")
 
     def read_parameter(self, name: str) -> None:
         """Ask for a parameter, once; an answer goes to `parameters`."""
@@ -306,7 +290,7 @@ class MavsdkAutopilot:
         if name == PX4_FENCE_ACTION and self.kind == "px4":
             (action,) = struct.unpack("<i", struct.pack("<f", value))
             wrong = f"its {name} is {action}; set it to 2 (hold) or to a stronger action"
-            self._enforced("" if action in PX4_ACTS else wrong)
+            self._flight.fence.enforced("" if action in PX4_ACTS else wrong)
         elif self.kind == "ardupilot":
             self.parameters[name] = value
             if name == FENCE_ACTION:
@@ -315,9 +299,13 @@ class MavsdkAutopilot:
     def _enable_fence(self, action: float) -> None:
         """Have an ArduPilot act on its fence, if its parameters let it."""
         if not action:
-            self._enforced(f"its {FENCE_ACTION} is 0; set it to 1 (return) or to a stronger action")
+            self._flight.fence.enforced(
+                f"its {FENCE_ACTION} is 0; set it to 1 (return) or to a stronger action"
+            )
         elif not ardupilot.has_polygons(self.parameters.get(FENCE_TYPE, ardupilot.POLYGON)):
-            self._enforced(f"its {FENCE_TYPE} is without polygons; add {ardupilot.POLYGON} to it")
+            self._flight.fence.enforced(
+                f"its {FENCE_TYPE} is without polygons; add {ardupilot.POLYGON} to it"
+            )
         else:
             enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)
             message = self._message("COMMAND_LONG", enable)
@@ -327,16 +315,14 @@ class MavsdkAutopilot:
         def taken() -> None:
             result = _result_of(ack)
             word = RESULTS.get(result, "no answer")
-            self._enforced("" if result == ACCEPTED else f"it does not enable its fence ({word})")
+            self._flight.fence.enforced(
+                "" if result == ACCEPTED else f"it does not enable its fence ({word})"
+            )
 
         self._post(taken)
 
     def _addressed(self, **fields: object) -> dict[str, Any]:
         return {"target_system": self.system_id, "target_component": AUTOPILOT, **fields}
-
-    def _enforced(self, problem: str) -> None:
-        if self._flight is not None:
-            self._flight.fence.enforced(problem)
 
 
 def _result_of(ack: Any) -> int:

@@ -7,16 +7,12 @@ order is done when telemetry shows it, never because the autopilot has accepted 
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from typing import Any, cast
 
-from pa_console.fleets.link import DeviceAnswer, LinkNews, LinkNotice, NotReady
+from pa_console.fleets.link import DeviceAnswer, LinkNews
 from pa_console.fleets.mavlink import commands
-from pa_console.fleets.mavlink.ardupilot import BATTERY
-from pa_console.fleets.mavlink.commands import Autopilot, MavCommand, MavItem
-from pa_console.fleets.mavlink.drone_state import PREARM, DroneState
-from pa_console.fleets.mavlink.geofence import FenceWatch, fence_of
+from pa_console.fleets.mavlink.commands import Autopilot, MavCommand
 from pa_console.fleets.mavlink.orders import (
     Climb,
     FlightOrder,
@@ -25,13 +21,12 @@ from pa_console.fleets.mavlink.orders import (
     Step,
     Upload,
 )
+from pa_console.fleets.mavlink.vehicle_reports import ReportingVehicle
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Point
 from pa_console.schema.command import COMMANDS, DeviceCommand, ReplyStatus
-from pa_console.schema.events.event import Level
 from pa_console.schema.telemetry import Task
-from pa_console.schema.world import AssetKind
 from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -57,22 +52,14 @@ PROGRESS_S = 5.0
 HOLD_S = 1.0
 """A hold is asked for again after this time in another mode."""
 
-CHECK_AGAIN_S = 5.0
-"""A vehicle that does not arm is asked so often for its reasons."""
-
-REPEAT_TEXT_S = 30.0
-COMPLETE_S = 5.0
-"""A drone that does not report its battery, or whether it flies, is taken as it is after that."""
-
 KNOWN = 512
 """The number of command ids that are remembered."""
 
 _HERE = ("HOLD", "OFFBOARD", "GUIDED", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
 _NOUNS = {"uav": "drone", "ugv": "ground vehicle"}
-NO_ESTIMATE = "it has no position estimate yet"
 
 
-class Flight:
+class Flight(ReportingVehicle):
     """Carries out the orders of one drone, the asset `agent`.
 
     `tell` gets its notices. Nothing here waits: `step` is called a few times a second.
@@ -90,31 +77,25 @@ class Flight:
         now: Callable[[], float],
         others: Callable[[], Sequence[Point]] = tuple,
     ) -> None:
-        """`now` is a monotonic clock, seconds; `others` are places that other drones have."""
-        self.agent, self.place = agent, cast("Point | None", None)
+        """`others` returns places that other drones have."""
+        super().__init__(
+            agent,
+            autopilot,
+            terrain=terrain,
+            geography=geography,
+            vehicles=vehicles,
+            tell=tell,
+            now=now,
+        )
+        self.place: Point | None = None
         """The place that it has, or is on its way to."""
-        self.heard = True
-        """False while its heartbeats do not come."""
-        self._terrain, self._geography = terrain, geography
-        self._autopilot, self._tell, self._now = autopilot, tell, now
         self._planner = OrderPlanner(agent, terrain, geography, vehicles, others)
-        self._kind = vehicles.vehicles[agent].kind
-        self.state = DroneState(geography, ground_bound=self._kind == "ugv")
-        self._found_kind = self._kind
-        self._not_ready, self._checks_s = "", 0.0
-        areas = fence_of(terrain.world, geography)
-        self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._order: FlightOrder | None = None
         self._hold: HoldOrder | None = None
         self._answers = OrderedDict[str, DeviceAnswer | None]()
         """The last answers by command id, None while there is none."""
-        self._texts: dict[str, float] = {}
-        """The times of recent notices by their texts."""
         self._task: Task = "idle"
-        self._told_once: set[str] = set()
         self._busy_until: dict[int, float] = {}
-        self._first_s: float | None = None
-        self._known_healthy = False
 
     # What the station asks for
 
@@ -141,11 +122,6 @@ class Flight:
             self._answer(command, "done", self._words())
         else:
             self._begin(command)
-
-    @property
-    def not_ready(self) -> str:
-        """The reason why it cannot start yet, '' if it can."""
-        return self._not_ready
 
     def may_arm(self) -> bool:
         """Return whether an order from the station needs the drone armed now."""
@@ -198,87 +174,6 @@ class Flight:
             self._answer(hold.command, "acknowledged")
             self._answer(hold.command, "done", "stands on the ground, disarmed")
             hold.done = True
-
-    def fence_read(self, problem: str, items: Sequence[MavItem]) -> None:
-        """Take in its geofence, or why it could not be read."""
-        self.fence.read(problem, items, self._now())
-
-    def fence_uploaded(self, problem: str) -> None:
-        """Take in how the upload of its geofence ended."""
-        self.fence.uploaded(problem, self._now())
-
-    # What the drone reports
-
-    def home_at(self, latitude: float, longitude: float) -> None:
-        """Process its home, where it lands on return; report one away from the base."""
-        home = self._geography.near(latitude, longitude)
-        if home is None:
-            return
-        self.state.home, world = home, self._terrain.world
-        if self._terrain.frame_at(*home) != world.base:
-            away = math.dist(home, world.frames[world.base].at)
-            text = f"has its home {away:.0f} m from {world.base}, and returns there"
-            self._say_now_and_then("warning", text)
-
-    def positioned(self, message: Mapping[str, Any], arrived: datetime) -> None:
-        """Take in a GLOBAL_POSITION_INT and report the drone to the station."""
-        if self.state.clock.restarted(int(message["time_boot_ms"]) / 1e3):
-            self._say("alarm", "has started again")
-            self.fence.start_again()
-            self.state.fix = None
-            if self.state.may_arm:
-                self.state.may_arm = False
-            self._autopilot.ask_again()
-            if self._order is not None:
-                self._end(self._order, "failed", "it has started again")
-        state, before = self.state, self.state.fix
-        if problem := state.positioned(message, arrived):
-            self._say_now_and_then("alarm", f"{problem}: not believed")
-        elif state.fix is not None and state.fix is not before and self._complete():
-            self._look()
-            self._tell(self._report())
-
-    def is_a(self, kind: AssetKind) -> None:
-        """Process the kind of vehicle in a heartbeat."""
-        if kind != self._found_kind:
-            self._found_kind = kind
-            if kind != self._kind:
-                text = f"is a {kind} by its heartbeat and a {self._kind} in the file: no orders"
-                self._say("alarm", text)
-
-    def checked(self, may_arm: bool) -> None:
-        """Take in whether its own checks let it arm."""
-        self.state.may_arm = may_arm
-
-    def lacks(self, messages: str) -> None:
-        """Take in the messages that do not come although they were asked for."""
-        self._say_now_and_then("warning", f"does not send {messages}")
-
-    def mode_changed(self, mode: str) -> None:
-        """Take in its flight mode, by mavsdk's name; it comes with every heartbeat."""
-        was_manual, self.state.mode, self.state.mode_s = self.state.manual, mode, self._now()
-        self._look_for_pilot(was_manual)
-
-    def heartbeat(self, base_mode: int, system_state: int) -> None:
-        """Take in the flags of a heartbeat."""
-        was_manual, armed_flag, self.heard = self.state.manual, 128, True
-        self.state.armed, self.state.beats = bool(base_mode & armed_flag), True
-        self.state.system_state = system_state
-        self._look_for_pilot(was_manual)
-
-    def health(self, ok: bool) -> None:
-        """Process its sensors' health; in the first seconds, unreported ones count as missing."""
-        since_s = self._now() - self._first_s if self._first_s is not None else 0.0
-        self._known_healthy |= ok
-        self.state.healthy = ok or not (self._known_healthy or since_s > COMPLETE_S)
-
-    def said(self, message: Mapping[str, Any]) -> None:
-        """Take in a STATUSTEXT; warnings go to the operator."""
-        line, warning = self.state.said(message, self._now()), 4
-        # why it does not arm is on its card, as long as that lasts
-        if line is not None and line.severity <= warning and not line.text.startswith(PREARM):
-            level = "alarm" if line.severity < warning else "warning"
-            self._say_now_and_then(level, f"says: {line.text}")
 
     # The passing of time
 
@@ -343,49 +238,6 @@ class Flight:
         if state.manual:
             return f"a pilot flies it ({state.mode}): it takes orders again in another mode"
         return self._defect() or self._why_grounded(command)
-
-    def _defect(self) -> str:
-        """Return what keeps it from every order but a report and a hold, '' if nothing does."""
-        if self._found_kind != self._kind:
-            return f"it is a {self._found_kind} by its heartbeat, and a {self._kind} in the file"
-        if not self._complete():
-            return "it has not reported everything yet: where it is, its mode, whether it flies"
-        return "it reports an emergency" if self.state.status == "failed" else ""
-
-    def _why_grounded(self, command: DeviceCommand) -> str:
-        """Return what keeps it from setting out, '' if nothing does."""
-        state = self.state
-        goes_home = command.verb == "return_to_base" and not state.landed
-        if self.fence.problem and not goes_home:
-            return f"{self.fence.problem}: it starts no flight"
-        if state.parked and (why := state.prearm_problem(self._now())):
-            return f"not ready: {why}"
-        return ""
-
-    def _note_readiness(self, now: float) -> None:
-        """Emit why it cannot start yet, and that it can; its own reasons are asked for."""
-        state = self.state
-        parts: list[str] = []
-        if self.heard and state.parked:
-            parts = [] if state.fix is not None else [NO_ESTIMATE]
-            if problem := state.prearm_problem(now):
-                parts.append(problem)
-                if now - self._checks_s >= CHECK_AGAIN_S:
-                    self._checks_s = now
-                    self._autopilot.send(commands.CHECK_AGAIN, 0)
-            if not parts and self.fence.pending:
-                parts.append(self.fence.problem)
-        if (why := "; ".join(parts)) != self._not_ready:
-            self._not_ready = why
-            self._tell(NotReady(self.agent, why))
-
-    def _why_no_fence(self, at: Point) -> str:
-        """Return why the fence of a drone `at` a place may not be replaced, '' when it may."""
-        if self.state.manual:
-            return f"a pilot flies it ({self.state.mode})"
-        if not self.state.landed and self._terrain.depth(at) < 0.0:
-            return "it flies outside the perimeter"
-        return ""
 
     def _replace(self, order: FlightOrder | None) -> None:
         """Let `order` take the place of the one there is, which has failed by that."""
@@ -495,6 +347,14 @@ class Flight:
             order.told_s = now
             self._answer(order.command, "progress", words)
 
+    def _seen(self) -> None:
+        self._look()
+        self._tell(self._report())
+
+    def _give_up(self, why: str) -> None:
+        if self._order is not None:
+            self._end(self._order, "failed", why)
+
     def _look(self) -> None:
         """End the order, or the hold, that the position just reported shows to be done."""
         order, fix, state = self._order, self.state.fix, self.state
@@ -530,18 +390,6 @@ class Flight:
             away = math.dist(at, world.frames[world.base].at)
             why = f"it landed {away:.0f} m from {world.base}: it has its home elsewhere"
             self._end(order, "failed", why)
-
-    def _look_for_pilot(self, was_manual: bool) -> None:
-        """End the order of a drone that a pilot has taken over."""
-        if was_manual is self.state.manual:
-            return
-        if self.state.manual:
-            self._say("warning", f"is flown by a pilot ({self.state.mode})")
-            if self._order is not None:
-                why = f"a pilot has taken over ({self.state.mode})"
-                self._end(self._order, "failed", why)
-        else:
-            self._say("info", f"is no longer flown by a pilot ({self.state.mode})")
 
     # Stopping
 
@@ -584,8 +432,6 @@ class Flight:
             hold.asked, hold.asked_s, hold.accepted_s = True, now, None
             self._autopilot.hold()
 
-    # Words
-
     def _end(
         self, order: FlightOrder, status: ReplyStatus, detail: str, *, keeps_task: bool = False
     ) -> None:
@@ -607,57 +453,6 @@ class Flight:
         self._task, self.place = "holding", None
         status: ReplyStatus = "failed" if acknowledged else "refused"
         self._answer(command, status, self._with_words(what, since_s - REASON_S))
-
-    def _with_words(self, what: str, since_s: float) -> str:
-        words = "; ".join(list(dict.fromkeys(self.state.reasons(since_s)))[:2])
-        return f"{what}: {words}" if words else what
-
-    def _say_now_and_then(self, level: Level, text: str) -> None:
-        """Emit a notice, unless an equal one was emitted a short while ago."""
-        now, told = self._now(), self._texts
-        for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
-            del told[old]
-        if text not in told and len(told) < KNOWN:
-            told[text] = now
-            self._say(level, text)
-
-    def _complete(self) -> bool:
-        """Return whether the drone is known: its mode, whether it flies, and its battery."""
-        state, now = self.state, self._now()
-        if state.fix is None or not state.mode_s or not state.beats:
-            return False
-        self._first_s = now if self._first_s is None else self._first_s
-        if state.battery_pct is not None and state.on_ground is not None:
-            return True
-        if now - self._first_s < COMPLETE_S:
-            return False
-        if state.battery_pct is None:
-            remedy = f": set {BATTERY}" if self._autopilot.kind == "ardupilot" else ""
-            text = f"does not report its battery, which counts as low{remedy}"
-            if text not in self._told_once:
-                self._told_once.add(text)
-                self._say("warning", text)
-        return True
-
-    def _say(self, level: Level, text: str) -> None:
-        self._tell(LinkNotice(level, self.agent, text))
-
-    def _at_base(self) -> bool:
-        fix, world = self.state.fix, self._terrain.world
-        return fix is not None and self._terrain.frame_at(*fix.at) == world.base
-
-    def _words(self) -> str:
-        """Return the brief report of the drone: place, height, mode, battery."""
-        fix, state = self.state.fix, self.state
-        if fix is None:
-            return "it has not reported where it is"
-        at = self._terrain.frame_at(*fix.at)
-        battery = f"{state.battery_pct:.0f} %" if state.battery_pct is not None else "unknown"
-        fence = self.fence.problem or "geofence as the world's"
-        return (
-            f"{f'at {at}' if at else 'between frames'}, {fix.altitude_m:.0f} m up, {state.mode}, "
-            f"{'armed' if state.armed else 'disarmed'}, battery {battery}, {fence}"
-        )
 
     def _report(self) -> AssetReport:
         fix, state, order = self.state.fix, self.state, self._order

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from threading import Condition, Event, Thread
+from threading import Condition, Thread
 from typing import Any
 
 from mavsdk import ComponentType, Configuration, Mavsdk
@@ -21,12 +21,12 @@ from mavsdk.plugins.arm_authorizer_server import (
     RejectionReason,
 )
 
-from pa_console.fleets.link import FoundRobot, LinkFinding, LinkNews, LinkNotice
+from pa_console.fleets.link import FoundRobot, LinkFinding, LinkNotice
 from pa_console.fleets.mavlink.ardupilot import Parameter, parameters
 from pa_console.fleets.mavlink.autopilot import MavsdkAutopilot
 from pa_console.fleets.mavlink.flight import Flight
-from pa_console.fleets.mavlink.messages import message_findings
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles, read_vehicles
+from pa_console.fleets.threaded_link import ThreadedLink, opened
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.document import DocumentError
@@ -36,12 +36,6 @@ from pa_console.sim.worlds.geography import Geography, geography_of
 from pa_console.sim.worlds.terrain import Terrain
 
 STEP_S = 0.1
-PATIENCE_S = 10.0
-"""The longest wait for a vehicle when a link is opened; autopilots send a heartbeat a second."""
-
-SILENT_S = 5.0
-"""The silence of all vehicles that counts as a problem of the link, seconds."""
-
 READ_S = 0.5
 """A parameter is asked for so often until it comes."""
 
@@ -78,16 +72,9 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
     else:
         options = "tak_origin in the settings, 'origin' in the file of the drones"
         geography = geography_of(world, settings.tak_origin, options)
-    link = MavlinkLink(urls, world, geography, vehicles)
-    if not link.await_vehicle(PATIENCE_S):
-        link.close()
-        ids = ", ".join(str(spec.system_id) for spec in vehicles.vehicles.values())
-        raise ValueError(
-            f"--fleet mavlink:{address}: no drone was heard at {', '.join(urls)} within "
-            f"{PATIENCE_S:.0f} s; "
-            f"expected system id {ids}: start the drones, and check address and ids"
-        )
-    return link
+    ids = ", ".join(str(spec.system_id) for spec in vehicles.vehicles.values())
+    remedy = f"expected system id {ids}; start the drones, and check address and ids"
+    return opened(MavlinkLink(urls, world, geography, vehicles), f"mavlink:{address}", remedy)
 
 
 def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles]:
@@ -121,7 +108,7 @@ _SILENT = LogCallback(_silent)
 _cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
 
 
-class MavlinkLink:
+class MavlinkLink(ThreadedLink):
     """The vehicles of one file; the callbacks of mavsdk only put work on its list."""
 
     def __init__(
@@ -129,6 +116,7 @@ class MavlinkLink:
     ) -> None:
         """Raises ValueError for a connection that cannot be opened."""
         self._url, self._vehicles, self._geography = ", ".join(urls), vehicles, geography
+        super().__init__(f"mavlink:{self._url}")
         self._terrain = Terrain(world)
         self._rate_hz = 2.0 / world.telemetry_period_s
         self._agent_of = {spec.system_id: name for name, spec in vehicles.vehicles.items()}
@@ -139,9 +127,7 @@ class MavlinkLink:
         self._commands: deque[DeviceCommand] = deque()
         self._work: deque[Callable[[], object]] = deque()
         self._dropped = 0
-        self._awake, self._news_there = Condition(), Event()
-        self._heard, self._closed = Event(), False
-        self._news: deque[LinkNews] = deque(maxlen=MOST_WAITING)
+        self._awake, self._closed = Condition(), False
         configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         self._station: int = configuration.system_id
         self._mavsdk = Mavsdk(configuration)
@@ -163,11 +149,6 @@ class MavlinkLink:
         self._thread.start()
 
     @property
-    def name(self) -> str:
-        """The name on the screen."""
-        return f"mavlink:{self._url}"
-
-    @property
     def agents(self) -> frozenset[str]:
         """The drones of its file."""
         return frozenset(self._vehicles.vehicles)
@@ -179,27 +160,11 @@ class MavlinkLink:
             return ""
         return f"no drone is heard at {self._url}"
 
-    def await_vehicle(self, seconds: float) -> bool:
-        """Wait at most `seconds` for one of the drones; return True if one has reported."""
-        return self._heard.wait(seconds)
-
     def send(self, command: DeviceCommand) -> None:
         """Put `command` before everything that waits; returns at once."""
         with self._awake:
             self._commands.append(command)
             self._awake.notify()
-
-    def take(self) -> Sequence[LinkNews]:
-        """Return what came in since the last call, in order of arrival."""
-        self._news_there.clear()
-        taken: list[LinkNews] = []
-        while self._news:
-            taken.append(self._news.popleft())
-        return taken
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until there is news, for `seconds` at most; return whether there is."""
-        return self._news_there.wait(seconds)
 
     def close(self) -> None:
         """End the connection; the drones do what they do without a station."""
@@ -244,10 +209,9 @@ class MavlinkLink:
             time.sleep(READ_S)
         found: list[LinkFinding] = []
         for name in names:
-            autopilot, why = self._autopilots[name], self._flights[name].not_ready
-            rest = "it starts nothing" if why else ""
-            found.append(LinkFinding(name, "ready", f"no: {why}" if why else "yes", "", rest))
-            found += message_findings(name, autopilot.messages, time.monotonic())
+            autopilot = self._autopilots[name]
+            found.append(self._flights[name].readiness.finding)
+            found += autopilot.messages.findings(name, time.monotonic())
             values = dict(autopilot.parameters)
             found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
         return found
@@ -271,10 +235,6 @@ class MavlinkLink:
             self._work.append(work)
             self._awake.notify()
 
-    def _tell(self, news: LinkNews) -> None:
-        self._news.append(news)
-        self._news_there.set()
-
     def _run(self) -> None:
         """Do what comes, the station's commands first, until the link is closed."""
         due_s = time.monotonic()
@@ -294,14 +254,6 @@ class MavlinkLink:
             if time.monotonic() >= due_s:
                 due_s = time.monotonic() + STEP_S
                 self._guarded(self._step)
-
-    def _guarded(self, work: Callable[[], object]) -> None:
-        """Do one thing; no message ends the session that it reaches."""
-        try:
-            work()
-        except Exception as error:
-            text = f"a message is set aside: {type(error).__name__}: {error}"
-            self._tell(LinkNotice("alarm", "mavlink", text))
 
     def _command(self, command: DeviceCommand) -> None:
         flight = self._flights.get(command.agent)
@@ -361,7 +313,6 @@ class MavlinkLink:
             )
             self._flights[name], self._up[name] = flight, True
             autopilot.listen(flight)
-            self._heard.set()
 
     def _taken(self, name: str) -> list[Point]:
         """Return the places that the other drones have, or are on their way to."""

@@ -48,6 +48,10 @@ class RobotEntry(StrictModel):
     battery: str | None = Field(
         default="battery_state", pattern=_NAME, description="null for a robot without a gauge"
     )
+    nodes: tuple[str, ...] = Field(
+        default=("amcl", "controller_server", "planner_server", "bt_navigator"),
+        description="managed nodes that have to be active, if the robot has them",
+    )
     manual: str | None = Field(
         default=None, pattern=_NAME, description="a std_msgs/Bool, true while a person steers"
     )
@@ -78,6 +82,11 @@ class Connection(StrictModel):
     )
     off_by_m: Positive = Field(
         default=1.0, description="the map may put a frame this far from where the world has it"
+    )
+    map: str | None = Field(
+        default="/map",
+        pattern=_NAME,
+        description="a nav_msgs/OccupancyGrid on the robots' map, drawn by the console",
     )
     robots: dict[Name, RobotEntry] = Field(min_length=1, description="the robots, by asset")
 

@@ -8,41 +8,53 @@ from collections import deque
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from threading import Event
+from typing import Any
 
-from pa_console.fleets.link import DeviceAnswer, FoundRobot, LinkNews, LinkNotice
+from pa_console.fleets.link import (
+    DeviceAnswer,
+    FoundRobot,
+    GroundMap,
+    LinkFinding,
+    LinkNotice,
+)
 from pa_console.fleets.ros2.connection import RobotSite, read_site
+from pa_console.fleets.ros2.messages import UnreadableError, read_grid
 from pa_console.fleets.ros2.navigator import HELD
 from pa_console.fleets.ros2.robot import Robot
+from pa_console.fleets.threaded_link import ThreadedLink, opened
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
+from pa_console.sim.worlds.occupancy_map import background_of
 
-PATIENCE_S = 10.0
-"""The longest wait for a robot when a link is opened, seconds."""
-
-MOST_NEWS = 20_000
-"""The news that may wait to be taken; the oldest gives way."""
+MAP_S = 5.0
+"""The least time from one map that is taken in to the next, seconds."""
 
 
-class Ros2Link:
+class Ros2Link(ThreadedLink):
     """The robots of one file."""
 
     def __init__(self, path: Path, site: RobotSite) -> None:
         """Raises ImportError where there is no ROS 2."""
-        self.name, self.agents = f"ros2:{path}", frozenset(site.connection.robots)
-        self._site, self._arrived = site, Event()
-        self._news: deque[LinkNews] = deque(maxlen=MOST_NEWS)
+        super().__init__(f"ros2:{path}")
+        self._site, self.agents = site, frozenset(site.connection.robots)
+        self._map_frames = {entry.map_frame for entry in site.connection.robots.values()}
+        self._map: Any = None
+        """A map that waits to be taken in."""
+        self._maps, self._map_s = 0, -MAP_S
         self._commands: deque[DeviceCommand] = deque()
         node = import_module("pa_console.fleets.ros2.node")
-        self._node = node.RosNode(site.connection.domain, self._fault)
+        self._node = node.RosNode(site.connection.domain, self._guarded)
         self._robots = {
             name: Robot(name, site, node.Nav2Server(self._node, name, entry), self._tell)
             for name, entry in site.connection.robots.items()
         }
         for robot in self._robots.values():
-            robot.listen(self._node)
+            robot.listen(self._node, node.ManagedNode)
+        if (topic := site.connection.map) is not None:
+            name, kind = f"/{topic.lstrip('/')}", "nav_msgs/msg/OccupancyGrid"
+            self._node.listen(name, kind, self._note_map, kept=True, depth=1)
         self._node.start(self._step)
 
     @property
@@ -58,15 +70,6 @@ class Ros2Link:
         self._commands.append(command)
         self._node.post(self._send)
 
-    def take(self) -> Sequence[LinkNews]:
-        """Return what came in since the last call."""
-        self._arrived.clear()
-        return [self._news.popleft() for _ in range(len(self._news))]
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until there is news, for `seconds` at most; return whether there is."""
-        return self._arrived.wait(seconds)
-
     def discover(self) -> Sequence[FoundRobot]:
         """Return a robot for each action server that takes goals in the domain."""
         named = {robot.server.action: robot for robot in self._robots.values()}
@@ -80,6 +83,15 @@ class Ros2Link:
             at = seen.at if seen is not None else None
             found.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
         return found
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:  # noqa: ARG002 - it has listened
+        """Return what comes from every robot, and their map."""
+        findings = [each for robot in self._robots.values() for each in robot.examine()]
+        if (topic := self._site.connection.map) is not None:
+            maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
+            wanted = "once, from map_server or SLAM, or set 'map: null'"
+            findings.append(maps.unless(self._maps, wanted, "the console draws no map of theirs"))
+        return findings
 
     def close(self) -> None:
         """End the node; the robots do what they do without a station."""
@@ -99,14 +111,27 @@ class Ros2Link:
     def _step(self) -> None:
         for robot in self._robots.values():
             robot.step()
+        topic = self._site.connection.map
+        if topic and self._map is not None and time.monotonic() - self._map_s >= MAP_S:
+            self._take_map(topic)
 
-    def _tell(self, news: LinkNews) -> None:
-        self._news.append(news)
-        self._arrived.set()
+    def _note_map(self, message: Any) -> None:
+        self._map = message
 
-    def _fault(self, error: Exception) -> None:
-        text = f"a message is set aside: {type(error).__name__}: {error}"
-        self._tell(LinkNotice("alarm", self.name, text))
+    def _take_map(self, topic: str) -> None:
+        """Take in the newest map, laid where the robots' map is in the world."""
+        message, self._map, self._map_s = self._map, None, time.monotonic()
+        try:
+            grid = read_grid(message)
+            if grid.frame not in self._map_frames:
+                frames = " or ".join(sorted(self._map_frames))
+                raise UnreadableError(f"it is in {grid.frame!r}, not in {frames}")
+        except UnreadableError as error:
+            self._tell(LinkNotice("alarm", self.name, f"the map on {topic} is set aside: {error}"))
+            return
+        self._maps += 1
+        x, y, turn = self._site.fit.to_world(grid.corner)
+        self._tell(GroundMap(background_of(grid.occupied, grid.free, (x, y), grid.cell_m, turn)))
 
 
 def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # noqa: ARG001
@@ -126,13 +151,8 @@ def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # no
             "/opt/ros/DISTRO/setup.bash', and install pa-console in a virtual environment made by "
             "'/usr/bin/python3 -m venv --system-site-packages' (see 'pa-console manual ros2')"
         ) from error
-    until_s = time.monotonic() + PATIENCE_S
-    while (problem := link.problem) and time.monotonic() < until_s:
-        time.sleep(0.05)
-    if problem:
-        link.close()
-        raise ValueError(
-            f"--fleet ros2:{address}: {problem}: start the robots, and check their namespaces and "
-            "ROS_DOMAIN_ID; 'ros2 action list' shows what is there"
-        )
-    return link
+    remedy = (
+        "start the robots, and check their namespaces and ROS_DOMAIN_ID; 'ros2 action list' shows "
+        "what is there"
+    )
+    return opened(link, f"ros2:{address}", remedy)

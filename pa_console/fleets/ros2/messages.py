@@ -10,6 +10,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from pa_console.schema.text import visible_line
 
 FARTHEST_M = 1e6
@@ -17,6 +20,15 @@ FARTHEST_M = 1e6
 
 MOST_ITEMS = 4096
 """A sequence in a message may be this long."""
+
+MOST_CELLS = 4_000_000
+"""A map may have this many cells: 100 m by 100 m at 5 cm."""
+
+CELL_M = (0.005, 10.0)
+"""The smallest and the largest cell of a map, metres."""
+
+OCCUPIED, FREE = 65, 25
+"""From the one on, a cell of a map is occupied, and up to the other free, percent."""
 
 UNKNOWN, SUCCEEDED, CANCELED = 0, 4, 5
 ACTIVE = range(1, 4)
@@ -42,6 +54,19 @@ class Planar(NamedTuple):
             self.y + sine * inner.x + cosine * inner.y,
             math.remainder(self.yaw + inner.yaw, math.tau),
         )
+
+
+class Grid(NamedTuple):
+    """A map: which cells are occupied and which are free, the first row at the top.
+
+    `corner` is the lower left one.
+    """
+
+    frame: str
+    corner: Planar
+    cell_m: float
+    occupied: npt.NDArray[np.bool_]
+    free: npt.NDArray[np.bool_]
 
 
 class Stamped(NamedTuple):
@@ -114,6 +139,31 @@ def read_result(message: Any) -> tuple[int, str]:
     text = visible_line(getattr(message.result, "error_msg", "")[:200]).strip()
     named = f"{_REASONS.get(code, '')} (Nav2 error {code})".strip() if code else ""
     return message.status, ": ".join(part for part in (named, text) if part)
+
+
+ACTIVE_STATE = "active"
+_STATES = MappingProxyType({1: "unconfigured", 2: "inactive", 3: ACTIVE_STATE, 4: "finalized"})
+
+
+def read_state(message: Any) -> str:
+    """Return the state in the answer of a managed node."""
+    return _STATES.get(message.current_state.id, "changing its state")
+
+
+def read_grid(message: Any) -> Grid:
+    """Return the map of a `nav_msgs/OccupancyGrid`; a value that is no percentage is unknown."""
+    info = message.info
+    width, height, cell_m = int(info.width), int(info.height), _number(info.resolution)
+    if not 0 < width * height <= MOST_CELLS:
+        raise UnreadableError(f"{width} x {height} cells are not read, at most {MOST_CELLS}")
+    if len(message.data) != width * height:
+        raise UnreadableError(f"it has {len(message.data)} of {width * height} cells")
+    if not CELL_M[0] <= cell_m <= CELL_M[1]:
+        raise UnreadableError(f"a cell of {cell_m:g} m is no cell of a map")
+    corner = _planar(info.origin.position, info.origin.orientation)
+    cells = np.asarray(message.data, np.int8).reshape(height, width)[::-1]
+    occupied, free = (cells >= OCCUPIED) & (cells <= 100), (cells >= 0) & (cells <= FREE)
+    return Grid(message.header.frame_id.lstrip("/"), corner, cell_m, occupied, free)
 
 
 def _number(value: float) -> float:

@@ -85,6 +85,8 @@ class Navigator:
     """Returns monotonic seconds."""
     manual: bool = False
     """True while a person steers the robot."""
+    not_ready: str = ""
+    """The reason why the robot cannot start, '' if it can."""
     seen: Seen | None = None
     """Where the robot is, None while that is not known."""
     _goals: dict[str, _Goal] = field(default_factory=dict[str, _Goal])
@@ -175,7 +177,9 @@ class Navigator:
             return f"there is no frame {command.target}"
         if servers > 1:
             return f"{servers} action servers are called {action}: stop all but one"
-        return "" if servers else f"no action server {action} is there"
+        if not servers:
+            return f"no action server {action} is there"
+        return f"not ready: {self.not_ready}" if self.not_ready else ""
 
     def _running(self) -> _Goal | None:
         """Return the newest order that the robot may be carrying out."""

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Any
 
 from pa_console.fleets.ros2.connection import RobotEntry
-from pa_console.fleets.ros2.messages import Planar, read_result
+from pa_console.fleets.ros2.messages import Planar, read_result, read_state
 
 
 def _interface(name: str) -> Any:
@@ -28,8 +28,10 @@ _rclpy: Any = import_module("rclpy")
 _actions: Any = import_module("rclpy.action")
 _executors: Any = import_module("rclpy.executors")
 _qos: Any = import_module("rclpy.qos")
+_events: Any = import_module("rclpy.event_handler")
 _GOTO = "nav2_msgs/action/NavigateToPose"
 _Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelGoal")
+_GetState = _interface("lifecycle_msgs/srv/GetState")
 
 STEP_S = 0.05
 """The interval of `step`, seconds."""
@@ -43,6 +45,9 @@ CALL_S = 3.0
 CANCEL_S = 1.0
 """A request to cancel all goals is repeated after this time, seconds."""
 
+LATE_S = 10.0
+"""An answer to a request that was repeated still counts for so long, seconds."""
+
 RESULT_S = 10.0
 """A result is asked for again after this time, seconds: its robot may have started again."""
 
@@ -52,12 +57,15 @@ Then = Callable[[Any], object]
 class RosNode:
     """A node; after `start`, its own thread alone uses it, and `post` gives that work."""
 
-    def __init__(self, domain: int | None, fault: Callable[[Exception], object]) -> None:
-        """`fault` gets what a message or work raised."""
-        self._fault, self._closed = fault, False
+    def __init__(self, domain: int | None, guarded: Callable[[Callable[[], object]], None]) -> None:
+        """`guarded` does one thing, whatever that raises."""
+        self._guarded, self._closed = guarded, False
         self._work: deque[Callable[[], object]] = deque()
-        self._calls: dict[Any, tuple[float, Any, Then]] = {}
-        """The futures of services that have not answered: time limit, client, and what follows."""
+        self._calls: dict[Any, tuple[float, float, Any, Then]] = {}
+        """The futures of services that have not answered.
+
+        Each has its time limit, when it is given up, its client, and what follows.
+        """
         self._context = _rclpy.Context()
         # Nothing is logged to the terminal, which is the console's screen.
         arguments = ["--ros-args", "--disable-stdout-logs", "--disable-rosout-logs"]
@@ -77,6 +85,8 @@ class RosNode:
         self._wake = self.node.create_guard_condition(lambda: None)
         self.servers: dict[str, int] = {}
         """The number of servers of each action `NavigateToPose` in the domain."""
+        self.services: frozenset[str] = frozenset()
+        """The names of all services in the domain."""
 
     def start(self, step: Callable[[], object]) -> None:
         """Start the thread, which calls `step` every STEP_S."""
@@ -88,17 +98,31 @@ class RosNode:
         self._work.append(work)
         self._wake.trigger()
 
-    def listen(self, topic: str, kind: str, take: Then, *, kept: bool = False) -> None:
-        """Subscribe to a topic; of one that is `kept`, the last message comes at once."""
+    def listen(
+        self, topic: str, kind: str, take: Then, *, kept: bool = False, depth: int = 50
+    ) -> None:
+        """Subscribe to a topic; of one that is `kept`, the last message comes at once.
+
+        Of messages that come too fast, the last `depth` are taken.
+        """
         reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
         durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
-        profile = _qos.QoSProfile(depth=50, reliability=reliable, durability=durable)
-        self.node.create_subscription(_interface(kind), topic, take, profile)
+        profile = _qos.QoSProfile(depth=depth, reliability=reliable, durability=durable)
+        # Without its default handlers, each of which makes every wait of the executor longer.
+        events = _events.SubscriptionEventCallbacks(use_default_callbacks=False)
+        self.node.create_subscription(
+            _interface(kind), topic, take, profile, event_callbacks=events
+        )
 
-    def call(self, client: Any, request: Any, limit_s: float, then: Then) -> None:
-        """Call a service; `then` gets the first answer, or None if there is none in time."""
-        future = client.call_async(request)
-        self._calls[future] = (monotonic() + limit_s, client, then)
+    def call(
+        self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0
+    ) -> None:
+        """Call a service; `then` gets the first answer, or None if there is none in time.
+
+        An answer that is at most `late_s` late follows that None.
+        """
+        future, until_s = client.call_async(request), monotonic() + limit_s
+        self._calls[future] = (until_s, until_s + late_s, client, then)
         future.add_done_callback(self._answered)
 
     def close(self) -> None:
@@ -125,29 +149,44 @@ class RosNode:
             left_s = max(0.0, step_s - monotonic())
             self._guarded(partial(self._executor.spin_once, left_s))
 
-    def _guarded(self, work: Callable[[], object]) -> None:
-        """Do one thing; no message ends the session that it reaches."""
-        try:
-            work()
-        except Exception as error:
-            self._fault(error)
-
     def _count(self) -> None:
         found = _actions.get_action_names_and_types(self.node)
         names = [name for name, types in found if _GOTO in types]
         self.servers = {n: self.node.count_publishers(f"{n}/_action/status") for n in names}
+        self.services = frozenset(name for name, _ in self.node.get_service_names_and_types())
 
     def _answered(self, future: Any) -> None:
         if (call := self._calls.pop(future, None)) is not None:
-            call[2](future.result())
+            call[3](future.result())
 
     def _expire(self) -> None:
         now_s = monotonic()
-        for future, (until_s, client, then) in list(self._calls.items()):
-            if until_s <= now_s:
+        for future, (until_s, given_up_s, client, then) in list(self._calls.items()):
+            if given_up_s <= now_s:
                 del self._calls[future]
                 client.remove_pending_request(future)
+            elif until_s <= now_s:
+                self._calls[future] = (math.inf, given_up_s, client, then)
+            if until_s <= now_s:
                 then(None)
+
+
+class ManagedNode:
+    """A managed node of a robot, such as `bt_navigator`, if the robot has it."""
+
+    def __init__(self, node: RosNode, name: str) -> None:
+        self._node, self._service, self._client = node, f"{name}/get_state", None
+
+    def ask(self, then: Callable[[str | None], None]) -> None:
+        """Ask for its state; `then` gets None if there is no such node, or no answer in time."""
+        if self._service not in self._node.services:
+            then(None)
+            return
+        client = self._client = self._client or self._node.node.create_client(
+            _GetState, self._service
+        )
+        request = _GetState.Request()
+        self._node.call(client, request, CALL_S, lambda said: then(said and read_state(said)))
 
 
 class Nav2Server:
@@ -184,7 +223,9 @@ class Nav2Server:
         request = _CancelGoal.Request()
         request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
         own, *others = self._cancels
-        self._node.call(own, request, CANCEL_S, lambda said: then(said and said.return_code))
+        self._node.call(
+            own, request, CANCEL_S, lambda said: then(said and said.return_code), LATE_S
+        )
         for other in others if goal_id is None else ():
             self._node.call(other, request, CALL_S, lambda _: None)
 

@@ -1,22 +1,24 @@
-"""One robot as its topics show it: what it reports, and the states of its goals."""
+"""One robot as its topics show it: what it reports, the states of its goals, and what it lacks."""
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pa_console.fleets.link import AssetReport, LinkNews, LinkNotice
+from pa_console.fleets.link import AssetReport, LinkFinding, LinkNews, LinkNotice
+from pa_console.fleets.readiness import MessageWatch, NeededMessage, Readiness
 from pa_console.fleets.ros2 import messages
-from pa_console.fleets.ros2.connection import RobotSite
+from pa_console.fleets.ros2.connection import RobotEntry, RobotSite
 from pa_console.fleets.ros2.localization import Localization
-from pa_console.fleets.ros2.messages import Stamped, UnreadableError
+from pa_console.fleets.ros2.messages import ACTIVE_STATE, Stamped, UnreadableError
 from pa_console.fleets.ros2.navigator import Navigator, Seen
 from pa_console.schema.events.event import Level
+from pa_console.schema.text import count
 
 if TYPE_CHECKING:
-    from pa_console.fleets.ros2.node import Nav2Server, RosNode
+    from pa_console.fleets.ros2.node import ManagedNode, Nav2Server, RosNode
 
 AHEAD_S = 2.0
 """A time so far in the future is of a wrong clock; localization stamps up to a second ahead."""
@@ -26,6 +28,42 @@ BEHIND_S = 60.0
 
 QUIET_S = 10.0
 """The same notice of a robot is not repeated before this time, seconds."""
+
+SILENT_S = 5.0
+"""A robot whose position has not come for so long is not ready, seconds."""
+
+LOOK_S = 0.5
+"""The interval of looking what a robot lacks, seconds: a look at the graph takes its time."""
+
+ASK_S = 2.0
+"""The interval of asking a managed node for its state, seconds."""
+
+GONE = "gone"
+TF, ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+def needed_messages(name: str, entry: RobotEntry) -> tuple[NeededMessage, ...]:
+    """Return the messages that the console needs from the robot that is the asset `name`."""
+    where, full = "its place is unknown, and it is not shown", partial(entry.named, name)
+    place = {
+        "tf": (
+            NeededMessage(
+                full(entry.tf), 1.0, where, 0, SILENT_S, "the base, and AMCL or SLAM ('tf')"
+            ),
+        ),
+        "amcl_pose": (NeededMessage(full("amcl_pose"), 0.0, where, 0, SILENT_S, "AMCL"),),
+        "odom": (),
+    }
+    speed = "its speed is unknown, and it is not shown"
+    charge = "its battery counts as low"
+    gauge = () if entry.battery is None else (
+        NeededMessage(
+            full(entry.battery), 1.0, charge, source="its driver, or set 'battery: null'"
+        ),
+    )  # fmt: skip
+    odometry = NeededMessage(full(entry.odom), 1.0, speed, 0, SILENT_S, "the base ('odom')")
+    return (*place[entry.pose], odometry, *gauge)
 
 
 class Robot:
@@ -39,38 +77,54 @@ class Robot:
         warn = partial(self._say, "warning")
         self.navigator = Navigator(name, entry, site, server, tell, warn, time.monotonic)
         self.localization = Localization(entry.map_frame, entry.base_frame)
+        self.readiness = Readiness(name, tell)
+        self._watch = MessageWatch(needed_messages(name, entry), time.monotonic())
+        self._managed: dict[str, ManagedNode] = {}
+        self._states: dict[str, str] = {}
+        """The states of the managed nodes that have answered."""
+        self._look_s = self._ask_s = 0.0
         self._battery_pct = None if entry.battery is not None else 100.0
         self._speed_mps, self._speed_s = 0.0, -math.inf
         self._reported_stamp, self._servers = -math.inf, 0
         self._told: dict[str, float] = {}
 
-    def listen(self, node: "RosNode") -> None:
-        """Subscribe to its topics."""
-        entry, tf = self._entry, "tf2_msgs/msg/TFMessage"
-        pose = "geometry_msgs/msg/PoseWithCovarianceStamped"
+    def listen(self, node: "RosNode", managed: "Callable[[RosNode, str], ManagedNode]") -> None:
+        """Subscribe to its topics; `managed` returns a managed node by its full name."""
+        entry = self._entry
+        self._managed = {each: managed(node, entry.named(self.name, each)) for each in entry.nodes}
+        status, states = f"{entry.action}/_action/status", "action_msgs/msg/GoalStatusArray"
         topics: list[tuple[str | None, str, Callable[[Any], None], bool]] = [
-            (
-                f"{entry.action}/_action/status",
-                "action_msgs/msg/GoalStatusArray",
-                self._states,
-                True,
-            ),
+            (status, states, self._goals, True),
             (entry.battery, "sensor_msgs/msg/BatteryState", self._battery, False),
             (entry.manual, "std_msgs/msg/Bool", self._manual, False),
-            (entry.odom, "nav_msgs/msg/Odometry", self._odometry, False),
+            (entry.odom, ODOMETRY, self._odometry, False),
         ]
         if entry.pose == "tf":
-            topics.append((f"{entry.tf}_static", tf, partial(self._transforms, fixed=True), True))
-            topics.append((entry.tf, tf, self._transforms, False))
+            topics.append((f"{entry.tf}_static", TF, partial(self._transforms, fixed=True), True))
+            topics.append((entry.tf, TF, self._transforms, False))
         elif entry.pose == "amcl_pose":
-            topics.append(("amcl_pose", pose, self._place, True))
+            topics.append(("amcl_pose", POSE, self._place, True))
         for topic, kind, take, kept in topics:
             if topic is not None:
                 full = entry.named(self.name, topic)
                 node.listen(full, kind, partial(self._take, full, take), kept=kept)
 
     def step(self) -> None:
-        """Do what is due, and tell of an action server that has come, gone, or is not alone."""
+        """Do what is due."""
+        now_s = time.monotonic()
+        if now_s >= self._look_s:
+            self._look_s = now_s + LOOK_S
+            self._count_servers()
+            self.readiness.note(self._lacks(now_s))
+            self.navigator.not_ready = self.readiness.why
+        if now_s >= self._ask_s:
+            self._ask_s = now_s + ASK_S
+            for name, managed in self._managed.items():
+                managed.ask(partial(self._see_state, name))
+        self.navigator.step()
+
+    def _count_servers(self) -> None:
+        """Tell of an action server that has come, gone, or is not alone."""
         before, self._servers = self._servers, self.server.servers
         action = self.server.action
         if self._servers < before:  # the goals of a server that is gone are over
@@ -82,7 +136,42 @@ class Robot:
             self._say("alarm", f"its action server {action} is gone")
         elif self._servers > before:
             self._say("info", f"its action server {action} is there")
-        self.navigator.step()
+
+    def _see_state(self, name: str, state: str | None) -> None:
+        """Take in the state of a managed node; one that never answers is none of the robot's."""
+        if state is not None or name in self._states:
+            self._states[name] = state or GONE
+
+    def _lacks(self, now_s: float) -> Iterator[str]:
+        """Yield why the robot cannot start; one of which nothing comes is lost, not unready."""
+        watch, place, since_s = self._watch, self.localization.place, now_s - SILENT_S
+        shared = self._entry.named(self.name, self._entry.tf)  # other robots' transforms, too
+        heard = any(watch.last_s(n.name) > since_s for n in watch.needed if n.name != shared)
+        placed = place is not None and place.arrived_s > since_s
+        if watch.began_s > since_s or not (self._servers or heard or placed):
+            return
+        missing = [need.name for need in watch.missing(now_s) if need.patience_s == SILENT_S]
+        if not self._servers:
+            yield f"no action server {self.server.action} is there"
+        yield from (f"nothing comes on {topic}" for topic in missing)
+        if self._entry.pose == "tf" and not (missing or placed):
+            yield f"no transform leads from {self._entry.map_frame} to {self._entry.base_frame}"
+        yield from (f"{node} is {s}" for node, s in self._states.items() if s != ACTIVE_STATE)
+
+    def examine(self) -> Iterator[LinkFinding]:
+        """Yield what comes from the robot, what is missing, and what brings it."""
+        yield self.readiness.finding
+        servers, action = self.server.servers, self.server.action
+        alone = LinkFinding(self.name, action, count(servers, "action server"))
+        yield alone.unless(servers == 1, "1, of bt_navigator", "it takes no goals")
+        yield from self._watch.findings(self.name, time.monotonic())
+        entry, seen = self._entry, self.navigator.seen
+        at = f"at ({seen.at[0]:.1f}, {seen.at[1]:.1f})" if seen is not None else "unknown"
+        place = LinkFinding(self.name, f"{entry.map_frame} to {entry.base_frame}", at)
+        yield place.unless(seen, "transforms, from AMCL or SLAM", "it is not shown")
+        for node, state in dict(self._states).items():
+            managed = LinkFinding(self.name, node, state)
+            yield managed.unless(state == ACTIVE_STATE, ACTIVE_STATE, "it starts nothing")
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         """Take in one message; one that is not believed is reported, and changes nothing."""
@@ -90,8 +179,10 @@ class Robot:
             take(message)
         except UnreadableError as error:
             self._say("alarm", f"a message on {topic} is set aside: {error}", topic)
+        else:
+            self._watch.heard(topic, time.monotonic())
 
-    def _states(self, message: Any) -> None:
+    def _goals(self, message: Any) -> None:
         self.navigator.see_states(messages.read_states(message))
 
     def _battery(self, message: Any) -> None:

@@ -7,28 +7,30 @@ a report from the future or from before the last one is discarded.
 import secrets
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.fleet import PlanCountersignature, Received
-from pa_console.fleets.reported_picture import ReportedFleet, ReportedPicture
-from pa_console.fleets.reports import Belief, Notices
+from pa_console.fleets.reported_fleet import ReportedFleet
+from pa_console.fleets.reported_picture import ReportedPicture
 from pa_console.fleets.vda5050 import additions, commands, messages
 from pa_console.fleets.vda5050.additions import Countersignature, RecordsAsked, StopAsked
 from pa_console.fleets.vda5050.asset_state import telemetry_of
 from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.commands import Robot
 from pa_console.fleets.vda5050.messages import Factsheet
-from pa_console.fleets.vda5050.sharing import CommandAuthority, SharedSession, signed_messages
+from pa_console.fleets.vda5050.sharing import SharedSession, signed_messages
 from pa_console.fleets.vda5050.station_link import Delivery, JoinedBus
 from pa_console.fleets.vda5050.vehicle import EXPIRY_S, STATE_REQUEST
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
-from pa_console.schema.command import CommandReply, DeviceCommand
-from pa_console.schema.events.event import IncidentHappened, Level, Noticed
-from pa_console.schema.telemetry import Weather
+from pa_console.schema.command import DeviceCommand
+from pa_console.schema.events.event import IncidentHappened, Noticed
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 RETAIN_AGAIN_S = 1.0
 """An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
@@ -44,29 +46,28 @@ class MqttFleet(ReportedFleet):
     """
 
     def __init__(
-        self, world: World, joined: JoinedBus, keys: CommandAuthority | None = None
+        self, world: World, joined: JoinedBus, keys: "StationAuthority | None" = None
     ) -> None:
+        super().__init__(ReportedPicture(world))
         self._elsewhere: Mapping[str, str] = {}
         """The assets that are on other links, with their names."""
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
-        self._known = ReportedPicture(world)
         self._period = station_side.period_ticks(world)
         self._robots: dict[str, Robot] = {}
         self._numbers, self._signed_numbers = Numbers(), Numbers()
         self._session, self._asked_states = secrets.token_hex(8), 0
         """Begins every action id of this connection, so that no other sender can use one up."""
-        self._told, self._dropped = Notices(), 0
-        self._belief = Belief(world.dt_s, self._say)
-        self._replies: list[CommandReply] = []
+        self._dropped = 0
         self._shared: SharedSession | None = None
         self._countersigned: list[PlanCountersignature] = []
         self._stop_asked = ""
         self._published_s, self._older_there = 0.0, False
         self._published: set[str] = set()
         """The messages that this station has retained itself: the broker sends them back."""
-        self._weather: Weather = joined.site.weather if joined.site is not None else "clear"
-        self._tick, self._connected, self._ready = 0, True, False
+        if joined.site is not None:
+            self._weather = joined.site.weather
+        self._connected, self._ready = True, False
         self._start = self._read_at = self.now()
         for delivery in joined.deliveries:
             self._take_or_set_aside(delivery)
@@ -112,11 +113,6 @@ class MqttFleet(ReportedFleet):
         """True if the robots wait for the station's steps, as simulated ones may."""
         return False
 
-    def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at this station; at once."""
-        self._known.mark_manual(assets)
-        self._show()
-
     def now(self) -> datetime:
         """Return what time it is on the clock that the robots go by (UTC)."""
         return datetime.now(UTC)
@@ -132,7 +128,7 @@ class MqttFleet(ReportedFleet):
             self._say("alarm", command.agent, "has not joined: nothing can be sent to it", "absent")
             return
         if why := robot.cannot(command):
-            self._reply(command, commands.RobotAnswer("refused", why))
+            self._reply(command, "refused", why)
             return
         on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
         robot.ask(on_wire.command_id, command)
@@ -186,12 +182,6 @@ class MqttFleet(ReportedFleet):
             name, topic = delivery.topic.identity.serial_number, delivery.topic.name
             text = f"its message on {topic!r} is set aside: {type(error).__name__}: {error}"
             self._say("alarm", name, text, f"fault {topic}")
-
-    def _show(self) -> None:
-        """Make the picture anew, and name those whose messages it had to be made without."""
-        for name in dict.fromkeys(self._known.show(self._weather)):
-            text = "what it reports cannot be shown in any picture and is set aside"
-            self._say("alarm", name, text, "fault picture")
 
     def close(self) -> None:
         """Let go of the bus; the robots do what they do without a station."""
@@ -256,20 +246,6 @@ class MqttFleet(ReportedFleet):
         why = f"nothing reaches the broker: {self._link.problem}"
         self._say("alarm", SUBJECT, why, "unsent")
         return False
-
-    def _reply(self, command: DeviceCommand, answer: commands.RobotAnswer) -> None:
-        self._replies.append(
-            CommandReply(
-                command_id=command.command_id,
-                agent=command.agent,
-                status=answer.status,
-                tick=self._tick,
-                detail=answer.detail,
-            )
-        )
-
-    def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
-        self._told.say(level, subject, text, self.time_s, kind)
 
     def _look_after_link(self) -> None:
         """Report a connection that breaks or is back, and messages that were left out."""
@@ -453,7 +429,7 @@ class MqttFleet(ReportedFleet):
         if not self._belief.is_latest(robot.name, state.timestamp):
             return
         for command, answer in robot.answers(state):
-            self._reply(command, answer)
+            self._reply(command, answer.status, answer.detail)
         if robot.waiting is not None and not robot.busy:
             command, robot.waiting = robot.waiting, None
             self._order(robot, command)
@@ -473,12 +449,8 @@ class MqttFleet(ReportedFleet):
             if robot is None:
                 return
         stamp = self._stamp(delivery, seen, name)
-        if stamp is None:
-            return
-        if self._belief.is_recent(name, self._tick - stamp, self._rate) and stamp >= 0:
-            # what sensors saw before the session began, they report again by now
-            for aside in self._known.detect(stamp, seen.report()):
-                self._say("alarm", aside.sensor, aside.text, aside.kind)
+        if stamp is not None:
+            self._take_sensor(stamp, seen.report(), self._rate)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
         """Return the tick at which a report was sent, None for one that is not believed."""

@@ -4,14 +4,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol
 
 from pa_console.fleets.authorization import Records
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.additions import MANUFACTURER, RecordsAsked, SessionRecords, pack
 from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.wire import MOST_BYTES, Identity, Numbers, Topic
-from pa_console.schema.command import DeviceCommand
 
 RECENT = 512
 """The number of records kept in memory; older ones are read from the file."""
@@ -102,32 +100,6 @@ class SharedSession:
         except OSError:
             return b""
         return found if found.endswith(b"\n") else b""
-
-
-class CommandAuthority(Protocol):
-    """The keys and the trust of a station; `StationAuthority` is one."""
-
-    @property
-    def refusal(self) -> str:
-        """The reason why this station may move nothing at present, '' when it may."""
-        ...
-
-    @property
-    def newest(self) -> Mapping[str, str]:
-        """The newest signed message of each kind, which vehicles go by."""
-        ...
-
-    def authorize(self, command: DeviceCommand) -> str | None:
-        """Return the token that a command travels with, None for one without."""
-        ...
-
-    def take(self, message: str) -> str:
-        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
-        ...
-
-    def objection_to(self, request_id: str, person: str, signature: str) -> str:
-        """Return why a signature from elsewhere does not count for a request here, '' if it may."""
-        ...
 
 
 def signed_messages(

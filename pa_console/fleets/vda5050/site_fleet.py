@@ -3,16 +3,19 @@
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from time import monotonic
+from typing import TYPE_CHECKING
 
 from pa_console.fleets.vda5050 import additions
 from pa_console.fleets.vda5050.additions import SITE
 from pa_console.fleets.vda5050.broker import OutgoingMessage
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
-from pa_console.fleets.vda5050.sharing import CommandAuthority
 from pa_console.fleets.vda5050.station_link import JoinedBus
 from pa_console.fleets.vda5050.wire import Header, Identity, Topic
 from pa_console.schema.incident import Incident, PlaceAsset, unknown_name
 from pa_console.schema.world import World
+
+if TYPE_CHECKING:
+    from pa_console.fleets.station_authority import StationAuthority
 
 ANSWER_S = 3.0
 
@@ -25,7 +28,7 @@ class SiteFleet(MqttFleet):
         world: World,
         joined: JoinedBus,
         site: additions.SiteDescription,
-        keys: CommandAuthority | None = None,
+        keys: "StationAuthority | None" = None,
     ) -> None:
         """Raises ValueError when a paced site does not answer."""
         self._site, self._site_tick = site, -1
@@ -141,7 +144,7 @@ class SiteFleet(MqttFleet):
 
 
 def fleet_of(
-    joined: JoinedBus, world: World, world_sha256: str, keys: CommandAuthority | None = None
+    joined: JoinedBus, world: World, world_sha256: str, keys: "StationAuthority | None" = None
 ) -> MqttFleet:
     """Return the fleet of `world` on the bus that was joined.
 

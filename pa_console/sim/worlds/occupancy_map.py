@@ -5,6 +5,7 @@ A pixel is the probability that its place is occupied: (255 - value) / 255, or v
 them unknown. The origin is the lower left corner of the image, in metres.
 """
 
+import math
 import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,6 +26,9 @@ from pa_console.schema.world import (
 
 MOST_PIXELS = 64_000_000
 """The largest number of pixels in an image; maps of laboratories have about one million."""
+
+LEAST_TURN = 1e-3
+"""A map that is turned by less, in radians, is drawn as it is."""
 
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 
@@ -61,7 +65,7 @@ def read_occupancy_map(path: Path) -> Background:
         raise document.error(("image",), problem)
     value = _read_pgm(image)
     occupancy = value if found.negate else 1.0 - value
-    return _background(
+    return background_of(
         occupancy > found.occupied_thresh,
         occupancy < found.free_thresh,
         found.origin[:2],
@@ -101,13 +105,18 @@ def _read_pgm(path: Path) -> npt.NDArray[np.float64]:
     return pixels.reshape(height, width).astype(np.float64) / most
 
 
-def _background(
+def background_of(
     occupied: npt.NDArray[np.bool_],
     free: npt.NDArray[np.bool_],
-    origin: tuple[float, float],
+    corner: tuple[float, float],
     resolution_m: float,
+    turn: float = 0.0,
 ) -> Background:
-    """Return a background of pixel blocks; a block with an occupied pixel is occupied."""
+    """Return a background of pixel blocks; a block with an occupied pixel is occupied.
+
+    The first row of pixels is at the top. The map is turned by `turn` radians around its lower left
+    `corner`.
+    """
     height, width = occupied.shape
     step = -(-max(height, width) // MOST_ROWS)
     pad = (-height % step, 0), (0, -width % step)  # the lower left corner stays where it is
@@ -118,11 +127,36 @@ def _background(
         parts = whole.reshape(rows // step, step, columns // step, step)
         return np.asarray(parts.any(axis=(1, 3)))
 
-    glyphs = np.where(
-        blocks(occupied), OCCUPIED_CELL, np.where(blocks(free), FREE_CELL, UNKNOWN_CELL)
+    layers, cell_m = [blocks(occupied), blocks(free)], resolution_m * step
+    if abs(turn) > LEAST_TURN:
+        layers, corner, cell_m = _turned(layers, corner, cell_m, turn)
+    glyphs = np.where(layers[0], OCCUPIED_CELL, np.where(layers[1], FREE_CELL, UNKNOWN_CELL))
+    rows = tuple("".join(row) for row in glyphs.tolist())
+    return Background(origin=corner, cell_m=cell_m, rows=rows)
+
+
+def _turned(
+    layers: list[npt.NDArray[np.bool_]], corner: tuple[float, float], cell_m: float, turn: float
+) -> tuple[list[npt.NDArray[np.bool_]], tuple[float, float], float]:
+    """Return layers turned around their lower left corner, the new corner, and the new cell."""
+    height, width = layers[0].shape
+    along, up = (
+        np.array((math.cos(turn), math.sin(turn))),
+        np.array((-math.sin(turn), math.cos(turn))),
     )
-    return Background(
-        origin=origin,
-        cell_m=resolution_m * step,
-        rows=tuple("".join(row) for row in glyphs.tolist()),
-    )
+    ends = np.array([x * along + y * up for x in (0, width) for y in (0, height)]) * cell_m
+    least, extent = ends.min(axis=0), np.ptp(ends, axis=0)
+    # Cells that are √2 as wide leave no gaps, however the map is turned.
+    wide_m = max(math.sqrt(2) * cell_m, float(extent.max()) / (MOST_ROWS - 1))
+    columns, rows = (int(number) + 1 for number in extent // wide_m)
+
+    def laid(which: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        row, column = np.nonzero(which)
+        at = np.outer(column + 0.5, along) + np.outer(height - row - 0.5, up)
+        x, y = ((at * cell_m - least) // wide_m).astype(np.int64).T
+        grid = np.zeros((rows, columns), np.bool_)
+        grid[rows - 1 - y, x] = True
+        return grid
+
+    origin = corner[0] + float(least[0]), corner[1] + float(least[1])
+    return [laid(which) for which in layers], origin, wide_m

@@ -11,6 +11,7 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.refresh import ALL_VIEWS, FRAME_S, is_open, views_of
 from pa_console.tui.screens.main import MainScreen
 from pa_console.tui.surroundings import LiveStation
+from pa_console.tui.widgets.map_view import MapView
 from pa_console.views.waiting import Waiting, behind_line
 
 LOOK_S = 1.0
@@ -107,6 +108,8 @@ class SessionFeed:
         main = self._main()
         if views and main is not None and session.player is None:
             silent = session.clock() - self._last_telemetry
+            if session.station is not None and (ground := session.station.ground) is not None:
+                main.query_one(MapView).lay(ground)
             main.refresh_views(session.state, views, session.rate, silent)
             self._show_waiting()
         self._tell_what_waits()

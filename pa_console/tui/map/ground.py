@@ -91,13 +91,16 @@ class MapGround:
     """Frame -> where its name begins; in a crowded view some have none."""
 
 
-def draw_ground(world: World, view: Projection) -> MapGround:
-    """Draw everything that stays where it is; the names of frames are placed, but not written."""
+def draw_ground(world: World, view: Projection, background: Background | None) -> MapGround:
+    """Draw everything that stays where it is, on the `background`.
+
+    The names of frames are placed, but not written.
+    """
     canvas = Canvas(view.width, view.height)
     barriers = Barriers(world, view)
     edges, lanes, walls = Strokes(), Strokes(), Blocks()
-    if world.background is not None:
-        _shade(canvas, view, world.background)
+    if background is not None:
+        _shade(canvas, view, background)
     for zone in world.zones.values():
         _hatch(canvas, view, barriers, zone.polygon)
         edges.path([view.spot(point) for point in (*zone.polygon, zone.polygon[0])])

@@ -9,8 +9,8 @@ from rich.cells import cell_len
 
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
-from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
-from pa_console.schema.world import AssetKind, Frame, World
+from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.world import AssetKind, Background, Frame, World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Projection, Run, Spot, Strokes
 from pa_console.tui.map.ground import FRAME_GLYPHS, MapGround, draw_ground
 from pa_console.tui.map.labels import Labels
@@ -308,12 +308,20 @@ class MapScene:
     def __init__(self, world: World) -> None:
         self.world = world
         self.short = short_names(world.assets)
+        self._background = world.background
         self._ground = lru_cache(maxsize=4)(self._draw_ground)
 
     def _draw_ground(
         self, width: int, height: int, window: Window, fit: tuple[int, int] | None
     ) -> MapGround:
-        return draw_ground(self.world, Projection(self.world, width, height, *window, fit))
+        view = Projection(self.world, width, height, *window, fit)
+        return draw_ground(self.world, view, self._background)
+
+    def lay(self, background: Background) -> None:
+        """Draw `background` beneath everything from now on."""
+        if background is not self._background:
+            self._background = background
+            self._ground.cache_clear()
 
     def draw(
         self,

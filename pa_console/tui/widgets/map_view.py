@@ -16,7 +16,7 @@ from textual.widget import Widget
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import World
+from pa_console.schema.world import Background, World
 from pa_console.tui.map.canvas import Canvas, Cell, Projection, Run
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import ROLES, MapScene, Sensors, Window
@@ -154,6 +154,10 @@ class MapView(Widget):
         self._trails.add(picture if live else None)
         if self.is_on_screen and self.content_size.height > 1:
             self._draw_next()
+
+    def lay(self, background: Background) -> None:
+        """Draw `background` beneath everything, in place of the world's own."""
+        self._scene.lay(background)
 
     def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
         """Draw over the picture a plan that has not run; everything else is dimmed.

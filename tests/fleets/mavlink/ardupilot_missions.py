@@ -4,35 +4,27 @@ Every UAV is a copter and every UGV a rover; robots, cameras and contacts are si
 session. An asset of the simulation is where its vehicle is, so that it sees and blocks from there.
 """
 
-import argparse
-import asyncio
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from unittest.mock import patch
 
-from pa_console.evaluation import runner
-from pa_console.evaluation.jobs import Job, find_variant
-from pa_console.evaluation.memo_engine import MemoEngine
-from pa_console.evaluation.score import idle_run
+from pa_console.evaluation.jobs import Job
 from pa_console.fleets.link import DeviceAnswer, LinkNews
 from pa_console.fleets.linked_fleet import LinkedFleet
 from pa_console.fleets.mavlink.link import MavlinkLink, open_link
 from pa_console.fleets.reports import AssetReport
-from pa_console.llm.local.engine import Engine
-from pa_console.llm.models.catalogue import find_model
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.incident import FailAsset, Incident, PlaceAsset
 from pa_console.settings.schema import Settings
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.terrain import Terrain
 from tests.fleets.mavlink.drones import Driven, on_the_earth
-from tests.fleets.mavlink.same_outcomes import jobs_of
 from tests.fleets.mavlink.scripted import GEOGRAPHY
 from tests.fleets.mavlink.sitl import PARAMETERS, Frame, Sitl, vehicles_yaml
+from tests.fleets.paper_missions import main
 from tests.fleets.scripted_link import EPOCH
 from tests.fleets.simulated_link import SimulatedLink
 
@@ -202,53 +194,11 @@ class RealVehicles(LinkedFleet):
         self._folder.cleanup()
 
 
-async def made(job: Job, engine: MemoEngine) -> bool:
-    """Carry a mission out and print how it ended; return whether as the paper wants it."""
+def fleet_of(job: Job, checkpoint: Checkpoint) -> RealVehicles:
+    """Return the vehicles of a mission, where it has them."""
     placed = {i.asset: i.frame for i in job.case.setup if isinstance(i, PlaceAsset)}
-
-    def fleet(checkpoint: Checkpoint) -> RealVehicles:
-        return RealVehicles(checkpoint, placed)
-
-    began, rules = time.monotonic(), runner.enforced_rules(job.site.rulebook)
-    print(f"{job.case.id}: {job.case.command}", flush=True)
-    with patch.object(runner, "SimulatedFleet", fleet):
-        record = await runner.make_run(
-            job, engine, lambda: idle_run(job.case, job.site.world, job.seed, rules), None
-        )
-    mark = "as wanted" if record.strict else f"NOT as wanted {record.failed} {record.broken}"
-    print(f"   plan: {', '.join(record.plan)}", flush=True)
-    took = time.monotonic() - began
-    print(f"{job.case.id}: {record.status}, {mark}, {took:.0f} s: {record.reason}", flush=True)
-    return record.strict
-
-
-async def every(jobs: Sequence[Job]) -> int:
-    """Return how many missions ended as wanted, with the default model."""
-    engine = MemoEngine(Engine(find_model(None)), reuse=False)
-    good = 0
-    try:
-        for job in jobs:
-            try:
-                good += await made(job, engine)
-            except Exception as error:
-                print(f"{job.case.id}: {type(error).__name__}: {error}", flush=True)
-    finally:
-        await engine.close()
-    return good
-
-
-def main() -> None:
-    """Run the missions and print what they came to."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="missions whose id contains this")
-    arguments = parser.parse_args()
-    with TemporaryDirectory() as folder:
-        jobs = [
-            replace(job, model=find_model(None).name, variant=find_variant("full"))
-            for job in jobs_of("paper", arguments.only, 1, Path(folder))
-        ]
-        print(f"{asyncio.run(every(jobs))} of {len(jobs)} missions as wanted")
+    return RealVehicles(checkpoint, placed)
 
 
 if __name__ == "__main__":
-    main()
+    main(__doc__, fleet_of)

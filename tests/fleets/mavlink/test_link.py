@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pa_console.fleets.mavlink import link as link_module
+from pa_console.fleets import threaded_link
 from pa_console.fleets.mavlink.link import open_link
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
@@ -116,10 +116,10 @@ def test_a_link_without_drones_has_a_problem_and_a_way_back(world: World, tmp_pa
 def test_nobody_there_is_an_error_with_the_remedy(
     world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link_module, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(threaded_link, "PATIENCE_S", 0.1)
     there, port = on_the_earth(world), free_port()
     file = vehicles_file(tmp_path, there, (ONE,))
-    with pytest.raises(ValueError, match=r"no drone was heard .* expected system id 1"):
+    with pytest.raises(ValueError, match=r"no drone is heard .* expected system id 1"):
         open_link(f"udpin://127.0.0.1:{port}#{file}", there, Settings())
 
 

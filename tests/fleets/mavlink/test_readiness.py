@@ -2,7 +2,7 @@
 
 from pa_console.fleets.link import NotReady
 from pa_console.fleets.mavlink.commands import Cmd
-from pa_console.fleets.mavlink.messages import MessageWatch
+from pa_console.fleets.mavlink.messages import RequestedMessages, needed_messages
 from pa_console.schema.world import World
 from tests.fleets.mavlink.scripted import AGENT, Rig
 
@@ -61,7 +61,7 @@ def test_a_battery_that_is_not_reported_is_reported_as_unknown(world: World) -> 
 
 
 def test_messages_are_asked_for_until_they_come_and_again_after_silence() -> None:
-    watch = MessageWatch("uav", 0.25, began_s=0.0)
+    watch = RequestedMessages(needed_messages("uav", 0.25), began_s=0.0)
     first = {needed.name for needed in watch.due(0.0)}
     assert first == {
         "GLOBAL_POSITION_INT", "SYS_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION"
@@ -75,7 +75,7 @@ def test_messages_are_asked_for_until_they_come_and_again_after_silence() -> Non
 
 
 def test_a_message_that_never_comes_is_missing_and_a_rover_lacks_no_flight_state() -> None:
-    watch = MessageWatch("ugv", 0.25, began_s=0.0)
+    watch = RequestedMessages(needed_messages("ugv", 0.25), began_s=0.0)
     for now in range(20):
         watch.heard("HEARTBEAT", float(now))
         watch.heard("GLOBAL_POSITION_INT", float(now))

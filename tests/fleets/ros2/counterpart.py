@@ -11,7 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, TypeVar
 
-from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNews, LinkNotice
+from pa_console.fleets.link import AssetReport, DeviceAnswer, LinkNews, LinkNotice, NotReady
 from pa_console.fleets.ros2.link import Ros2Link, open_link
 from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, Verb
 from pa_console.schema.world import World
@@ -88,6 +88,11 @@ class Listener:
         """Return the latest report of `agent`."""
         found = (n for n in reversed(self.news) if isinstance(n, AssetReport) and n.agent == agent)
         return next(found, None)
+
+    def not_ready(self, agent: str) -> str:
+        """Return why `agent` cannot start, '' if it can."""
+        states = (n for n in reversed(self.news) if isinstance(n, NotReady) and n.agent == agent)
+        return next((state.why for state in states), "")
 
     def until(self, found: Callable[[], T | None], limit_s: float = LIMIT_S) -> T:
         """Take in news until `found` returns something; return that."""

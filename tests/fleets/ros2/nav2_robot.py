@@ -20,7 +20,9 @@ qos: Any = import_module("rclpy.qos")
 geometry: Any = import_module("geometry_msgs.msg")
 BatteryState: Any = import_module("sensor_msgs.msg").BatteryState
 NavigateToPose: Any = import_module("nav2_msgs.action").NavigateToPose
-Odometry: Any = import_module("nav_msgs.msg").Odometry
+navigation: Any = import_module("nav_msgs.msg")
+Odometry: Any = navigation.Odometry
+GetState: Any = import_module("lifecycle_msgs.srv").GetState
 TFMessage: Any = import_module("tf2_msgs.msg").TFMessage
 KEPT = qos.QoSProfile(depth=1, durability=qos.DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -37,6 +39,8 @@ class Robot:
         self.top_mps, self.charge, self.mode, self.runs_away = 4.0, 0.8, "", False
         self.silent = False
         """True while it publishes nothing; its action server goes on."""
+        self.serves, self.lifecycle = True, 3
+        """Whether its action server is there, and the state of `bt_navigator`, 3 when active."""
         self.goals: list[str] = []
         self.went_s: list[float] = []
         """When a goal came, on the machine's monotonic clock."""
@@ -51,6 +55,18 @@ class Robot:
         self._battery = publish(BatteryState, "battery_state", 10)
         self._fixed = publish(TFMessage, "tf_static", KEPT)
         self._fixed.publish(TFMessage(transforms=[self._transform("base_footprint", "base_link")]))
+        self._server: Any = None
+        self._serve()
+        self.node.create_service(GetState, "bt_navigator/get_state", self._answer_state)
+        self.node.create_timer(0.05, self._step)
+        executor.add_node(self.node)
+
+    def _serve(self) -> None:
+        """Begin to take goals, or end it."""
+        if self._server is not None:
+            self._server.destroy()
+            self._server = None
+            return
         self._server = actions.ActionServer(
             self.node,
             NavigateToPose,
@@ -59,8 +75,10 @@ class Robot:
             goal_callback=self._goal,
             cancel_callback=self._cancel,
         )
-        self.node.create_timer(0.05, self._step)
-        executor.add_node(self.node)
+
+    def _answer_state(self, _request: Any, answer: Any) -> Any:
+        answer.current_state.id = self.lifecycle
+        return answer
 
     def _goal(self, request: Any) -> Any:
         self.went_s.append(time.monotonic())
@@ -98,6 +116,8 @@ class Robot:
         self._ends.pop(bytes(handle.goal_id.uuid)).set_result((code, text))
 
     def _step(self) -> None:
+        if self.serves is (self._server is None):
+            self._serve()
         handle = self._running
         if handle is not None:
             if handle.is_cancel_requested:
@@ -158,6 +178,17 @@ class Robot:
         return {"at": (self.x, self.y), **{name: getattr(self, name) for name in names}}
 
 
+def publish_map(context: Any) -> Any:
+    """Publish a map of 2 x 3 cells, of 1 m each, as `map_server` does; return its node."""
+    node = rclpy.create_node("map_server", context=context)
+    grid = navigation.OccupancyGrid(data=[100, 0, 0, -1, 0, 100])
+    grid.header.frame_id, grid.info.resolution = "map", 1.0
+    grid.info.width, grid.info.height = 2, 3
+    grid.info.origin.position.x, grid.info.origin.orientation.w = 10.0, 1.0
+    node.create_publisher(navigation.OccupancyGrid, "map", KEPT).publish(grid)
+    return node
+
+
 def serve(robots: dict[str, Robot]) -> None:
     """Answer the lines of standard input until it ends."""
     for line in sys.stdin:
@@ -177,6 +208,7 @@ def main() -> None:
     rclpy.init(context=context, domain_id=given.domain)
     executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
     robots = {name: Robot(context, executor, name, at) for name, at in given.robots.items()}
+    executor.add_node(publish_map(context))
     print("ready", flush=True)
     thread = threading.Thread(target=executor.spin)
     thread.start()

@@ -8,6 +8,7 @@ from threading import Event
 
 import pytest
 
+from pa_console.fleets.link import GroundMap
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.world import World
 from tests.fleets.ros2.counterpart import REMEDY, Listener, Robots, linked, stop
@@ -20,6 +21,10 @@ pytestmark = pytest.mark.long
 NAMES = ("Ugv_T01", "Ugv_T02", "Robot_T01")
 TEXT = "robots:\n" + "".join(f"  {name}: {{}}\n" for name in NAMES)
 FAST = {"top_mps": 40.0}
+WELL = {
+    "mode": "", "top_mps": 4.0, "runs_away": False, "_target": None, "silent": False,
+    "serves": True, "lifecycle": 3,
+}  # fmt: skip
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -42,8 +47,7 @@ def listener(robots: Robots, world: World, tmp_path: Path) -> Iterator[Listener]
     with linked(robots.domain, world, tmp_path, TEXT) as listener:
         listener.heard(*NAMES)
         yield listener
-        well = {"mode": "", "top_mps": 4.0, "runs_away": False, "_target": None, "silent": False}
-        robots.change(**dict.fromkeys(NAMES, well))
+        robots.change(**dict.fromkeys(NAMES, WELL))
         for name in NAMES:
             listener.send(f"end {name}", name, "hold")
             listener.final(f"end {name}")
@@ -202,6 +206,48 @@ def test_two_stations_see_each_other_s_goals(
         second.send("h", "Ugv_T01", "hold")
         assert second.final("h").status == "done"
         assert listener.final("a").detail == "cancelled by somebody else"
+
+
+@pytest.mark.parametrize(
+    ("lack", "why"),
+    [
+        ({"silent": True}, "nothing comes on /Ugv_T02/tf; nothing comes on /Ugv_T02/odom"),
+        ({"serves": False}, "no action server /Ugv_T02/navigate_to_pose is there"),
+        ({"lifecycle": 2}, "bt_navigator is inactive"),
+    ],
+)
+def test_a_robot_that_lacks_something_is_not_ready_until_it_is_back(
+    lack: dict[str, object], why: str, robots: Robots, listener: Listener
+) -> None:
+    robots.change(Ugv_T02=lack)
+    listener.until(lambda: listener.not_ready("Ugv_T02") == why)
+    assert any(why.partition(";")[0] in f.found for f in listener.link.examine(0.0))
+    listener.send("a", "Ugv_T02", "move_to", "NorthGate")
+    assert listener.final("a").status == "refused"
+    assert why in listener.final("a").detail
+    robots.change(Ugv_T02=WELL)
+    listener.until(lambda: listener.not_ready("Ugv_T02") == "")
+    listener.send("b", "Ugv_T02", "move_to", "NorthGate")
+    listener.until(lambda: "acknowledged" in listener.statuses("b"))
+
+
+def test_doctor_s_table_has_all_that_comes_and_nothing_is_wrong(listener: Listener) -> None:
+    listener.until(lambda: not any(each.consequence for each in listener.link.examine(0.0)))
+    listener.until(lambda: any(each.what == "bt_navigator" for each in listener.link.examine(0.0)))
+    findings = listener.link.examine(0.0)
+    mine = {each.what: each.found for each in findings if each.agent == "Robot_T01"}
+    assert {"ready", "map to base_link"} < mine.keys()
+    assert mine["/Robot_T01/navigate_to_pose"] == "1 action server"
+    for topic in ("tf", "odom", "battery_state"):
+        assert mine[f"/Robot_T01/{topic}"].endswith("a second")
+    assert findings[-1].what == "/map"
+
+
+def test_the_robots_map_comes_to_a_station_that_joins_later(listener: Listener) -> None:
+    maps = lambda: [news for news in listener.news if isinstance(news, GroundMap)]  # noqa: E731
+    (ground,) = listener.until(maps)
+    assert ground.background.rows == (".#", ".?", "#.")
+    assert ground.background.origin == pytest.approx((10.0, 0.0))
 
 
 def test_hostile_messages_move_nothing_and_are_told(robots: Robots, listener: Listener) -> None:

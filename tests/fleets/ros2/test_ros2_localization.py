@@ -65,6 +65,37 @@ def test_hostile_transforms_are_set_aside(found: list[Any], why: str) -> None:
         messages.read_transforms(Fields(transforms=found))
 
 
+def grid(width: int = 2, height: int = 2, cell_m: float = 0.05, **other: Any) -> Any:
+    origin = Fields(position=Fields(x=1.0, y=2.0), orientation=Fields(x=0.0, y=0.0, z=0.0, w=1.0))
+    info = Fields(width=width, height=height, resolution=cell_m, origin=origin)
+    data = other.get("data", [-1, 0, 100, -128])
+    return Fields(header=Fields(frame_id="map"), info=info, data=data)
+
+
+def test_a_map_is_read_from_the_top() -> None:
+    read = messages.read_grid(grid())
+    assert read.occupied.tolist() == [[True, False], [False, False]]
+    assert read.free.tolist() == [[False, False], [False, True]]
+    assert read.corner == (1.0, 2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("hostile", "why"),
+    [
+        (grid(width=0), "0 x 2 cells are not read"),
+        (grid(width=2**31, height=2**31), "cells are not read"),
+        (grid(height=3), "it has 4 of 6 cells"),
+        (grid(data=[0]), "it has 1 of 4 cells"),
+        (grid(cell_m=math.nan), "a number in it is nan"),
+        (grid(cell_m=0.0), "a cell of 0 m is no cell of a map"),
+        (grid(cell_m=1e9), "is no cell of a map"),
+    ],
+)
+def test_hostile_maps_are_set_aside(hostile: Any, why: str) -> None:
+    with pytest.raises(UnreadableError, match=why):
+        messages.read_grid(hostile)
+
+
 @pytest.mark.parametrize("share", [math.nan, -0.1, 1.5])
 def test_a_charge_that_is_none_is_set_aside(share: float) -> None:
     with pytest.raises(UnreadableError):

@@ -314,6 +314,18 @@ def test_a_hold_is_not_done_before_the_robot_says_that_its_goal_is_over(world: W
     assert rig.answers[-2].detail == "stopped by a hold"
 
 
+def test_a_late_answer_to_a_hold_that_was_repeated_counts_once(world: World) -> None:
+    rig = Rig(world)
+    rig.send(_command("h", "hold", None))
+    (_, _, answered) = rig.requests[0]
+    answered(None)
+    assert [name for name, _, _ in rig.requests] == ["cancel", "cancel"]
+    answered(0)
+    assert rig.said("h") == ["acknowledged"]
+    rig.settle()
+    assert rig.said("h") == ["acknowledged"]
+
+
 def test_an_order_that_got_lost_is_not_sent_again(world: World) -> None:
     rig = Rig(world)
     order = _command("c", "move_to", "NorthGate")
