@@ -1,7 +1,9 @@
 """The token of a command travels with it, and the vehicle that looks at it may refuse."""
 
 from collections.abc import Mapping
+from typing import cast
 
+from pa_console.fleets.station_authority import StationAuthority
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.world import World
@@ -40,7 +42,7 @@ def test_each_sending_has_a_token_of_its_own_and_a_refusal_comes_back(
     commands = [ordered(number, verb) for number, verb in enumerate(("observe", "move_to"))]
     with (
         running(world, address, paced=True, verify=verify),
-        joined(world, address, Signing()) as fleet,
+        joined(world, address, cast(StationAuthority, Signing())) as fleet,
     ):
         said: list[tuple[str, str]] = []
         for command in (*commands, ordered(2, "report"), ordered(3, "hold")):

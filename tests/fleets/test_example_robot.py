@@ -9,9 +9,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from pa_console.fleets.station_authority import StationAuthority
 from pa_console.fleets.vda5050.broker import BrokerAddress
 from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 from pa_console.fleets.vda5050.station_link import JoinedBus, join, with_newcomers
@@ -171,7 +173,10 @@ def test_one_that_checks_takes_what_the_station_in_command_has_signed_and_nothin
         def objection_to(self, request_id: str, person: str, signature: str) -> str:
             return ""
 
-    with intruder(address) as evil, closing(MqttFleet(larger, found, North())) as fleet:
+    with (
+        intruder(address) as evil,
+        closing(MqttFleet(larger, found, cast(StationAuthority, North()))) as fleet,
+    ):
         driven = Driven(fleet)
         driven.until(lambda: fleet.picture().assets[ROBOT].available)
         evil.send(evil.topic("trust", "roster"), b"garbage", retain=True)

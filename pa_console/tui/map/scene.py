@@ -9,7 +9,7 @@ from rich.cells import cell_len
 
 from pa_console.schema.base import Point
 from pa_console.schema.events.session import ReportedContact
-from pa_console.schema.telemetry import AssetTelemetry, Picture
+from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, Background, Frame, World
 from pa_console.tui.map.canvas import FREE, Canvas, Cell, Projection, Run, Spot, Strokes
 from pa_console.tui.map.ground import FRAME_GLYPHS, MapGround, draw_ground
@@ -347,8 +347,8 @@ class MapScene:
         ground = self._ground(width, height, window, fit)
         canvas, view = ground.canvas.copy(), ground.view
         if picture is None:
-            for name, at in ground.names.items():
-                canvas.write(at, name, "label")
+            for frame, at in ground.names.items():
+                canvas.write(at, frame, "label")
             return canvas
         whole, look = window[0] <= 1.0, Reliance(picture, self.world.stale_s)
         seen = [a for a in picture.assets.values() if whole or view.shows(a.position)]
