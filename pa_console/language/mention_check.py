@@ -44,6 +44,7 @@ _DOWN = _any_of("down")
 _EVERY = _any_of("every")
 _PAIR = _any_of("pair")
 _GATES = _any_of("gates")
+_EVERY_GATE = _any_of("every_gate")
 """The words for places without their names, in lower case."""
 _NAME = re.compile(r"[A-Za-z0-9_]+")
 _CORRECTING = frozenset(
@@ -90,6 +91,8 @@ class MentionCheck(NamedTuple):
     steps: tuple[str, ...] = ()
     """The steps that the order has: a plan that was not made in steps keeps no order of them."""
 
+    gates: tuple[str, ...] = ()
+    """The words for several gates, if the reading sends assets to only one."""
     leaning: tuple[str, ...] = ()
     """The words that lean on the order before, if what they mean was not found."""
 
@@ -112,6 +115,7 @@ class MentionCheck(NamedTuple):
         gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
         gaps += [f"no time is kept: {said}" for said in self.times]
         gaps += [f"no order of steps is kept: {said}" for said in self.steps]
+        gaps += [f"only one gate is served: {said}" for said in self.gates]
         if self.moves:
             gaps += [f"leans on the order before: {said}" for said in self.leaning]
         if self.empty and self.moves:
@@ -152,13 +156,15 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     )
     words = _OrderWords(world, picture, text, mentions, follows)
     found = words.lacking(made) if asked else ()
+    every_gate = _EVERY_GATE.search(text.lower()) if asked and made.goes_to_one_gate else None
     against = (UnsupportedPart("asset", n) for a in made.asks for n in a.who.names if n in excluded)
     lacking = tuple(dict.fromkeys((*found, *against)))
     names = follows or any(one.sort in ("place", "asset", "track") for one in mentions)
     unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     times = unread_times(world, text) if moves else ()
     steps = unkept_steps(ReferenceScene(world, picture), text) if moves else ()
-    return MentionCheck(tuple(listed), lacking, moves, unfounded, times, steps)
+    gates = (every_gate[0],) if every_gate is not None else ()
+    return MentionCheck(tuple(listed), lacking, moves, unfounded, times, steps, gates=gates)
 
 
 def leans(scene: ReferenceScene, text: str) -> bool:
@@ -239,6 +245,12 @@ class _OrderResult:
         if not named:
             return any(one.sort == "verb" for one in lacking)
         return named <= missing
+
+    @property
+    def goes_to_one_gate(self) -> bool:
+        """True if all assets that the reading sends to gates go to the same gate."""
+        gates = [ask.place for ask in self.asks if ask.place in self._world.gates]
+        return len(gates) == 1 and all(ask.task in ("go", "mass", "look") for ask in self.asks)
 
     def accounts_for(self, one: Mention) -> bool:
         """Return whether the mention `one` of the order has its part here."""
