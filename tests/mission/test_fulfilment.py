@@ -335,6 +335,12 @@ PLACES = st.sampled_from([*WORLD.frames])
     st.sampled_from([*WORLD.gates]),
     st.dictionaries(st.sampled_from([*WORLD.assets]), PLACES, min_size=2, max_size=4),
 )
+@example(
+    dict.fromkeys(WORLD.assets, "NorthGate") | {"Drone_T01": "EastGate", "Robot_T02": "EastGate"},
+    "drone",
+    "NorthGate",
+    {"Drone_T01": "NorthGate", "Drone_T02": "EastGate"},
+)
 def test_two_moves_never_match_an_order_that_one_would_serve(
     layout: dict[str, str], kind: str, gate: str, sent: dict[str, str]
 ) -> None:

@@ -68,9 +68,9 @@ class PlanMoves:
         ]
 
     def takes_over(self, name: str) -> bool:
-        """Return whether an asset moves to a gate that one of its guards leaves (WF-03)."""
-        guards = self.guards(self.ends(name)) if name in self.moved else ()
-        return any(guard in self.moved for guard in guards if guard != name)
+        """Return whether an asset moves to a gate that all its guards leave (WF-03)."""
+        guards = {*self.guards(self.ends(name))} - {name} if name in self.moved else set[str]()
+        return bool(guards) and guards <= {*self.moved}
 
     def sent(self, place: str, kind: AssetKind | None = None) -> list[str]:
         """Return the assets that move to a place, of `kind` if given."""
