@@ -5,12 +5,13 @@ premise of the running plan breaks. Each is planned, checked, judged and approve
 """
 
 import asyncio
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 from pa_console.language.canonical.reading import says_plainly
+from pa_console.language.mentions import find_mentions
+from pa_console.language.name_linking import link_names
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
 from pa_console.mission.context import Emit, MissionContext, MissionResult, Services, ordered_by
@@ -60,6 +61,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission
 from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import PLAIN_KINDS
 
 MOST_QUESTIONS = 2
 """The number of times that the operator may be asked what an order means."""
@@ -214,9 +216,9 @@ class MissionRun:
                     self._answered(asked, answer)
 
     async def _await_assets(self) -> None:
-        """Wait until the assets that an order may need can start, at most READY_S.
+        """Wait until the assets that an order needs can start, at most READY_S.
 
-        An order that names assets waits only for those. The mission of an alarm does not wait.
+        The mission of an alarm does not wait.
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + READY_S
@@ -235,10 +237,25 @@ class MissionRun:
         self._notice(f"goes on without {left}: not ready in {READY_S:.0f} s" if left else "goes on")
 
     def _unready(self) -> dict[str, str]:
-        """Return the assets that the order may need and that cannot start yet, with the reasons."""
-        picture, text = self._services.fleet.picture(), self.mission.text
-        named = {name for name in picture.assets if re.search(rf"\b{re.escape(name)}\b", text)}
-        return {n: why for n, why in picture.not_ready.items() if not named or n in named}
+        """Return the assets that the order needs and that cannot start yet, with the reasons.
+
+        An order without names needs one asset of each kind that it mentions, or all with *all*.
+        """
+        fleet = self._services.fleet
+        world, picture = fleet.world, fleet.picture()
+        if not (late := picture.not_ready):
+            return {}
+        mentions = find_mentions(world, link_names(world, self.mission.text), picture.tracks)
+        named = {one.means for one in mentions if one.sort == "asset"}
+        every = any(one.sort == "number" and one.means == "all" for one in mentions)
+        kinds = {one.means for one in mentions if one.sort == "kind"} or {*PLAIN_KINDS}
+        needed = {name for name in late if name in named}
+        teams = [] if named else [kinds] if len(kinds) == len(PLAIN_KINDS) else [{k} for k in kinds]
+        for team in teams:
+            able = [n for n in picture.assets if world.assets[n].kind in team]
+            if every or not any(picture.assets[n].available and n not in late for n in able):
+                needed.update(name for name in able if name in late)
+        return {name: why for name, why in late.items() if name in needed}
 
     def _notice(self, text: str) -> None:
         self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
