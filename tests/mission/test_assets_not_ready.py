@@ -9,7 +9,7 @@ from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan
 
 READY_AFTER_S = 20.0
-LATE = {name: "it has no position estimate yet" for name in ("Drone_T04", "Robot_T02")}
+LATE = dict.fromkeys(("Drone_T04", "Robot_T02"), "it has no position estimate yet")
 
 
 @pytest.fixture
