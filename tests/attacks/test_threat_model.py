@@ -7,7 +7,7 @@ import pa_console
 from pa_console.manual_pages import load_manual
 
 ROOT = Path(pa_console.__file__).parents[1]
-UNGUARDED = "The operator's own account, the kernel"
+UNGUARDED = "The operator's own account and the kernel"
 ENTRY = re.compile(r"^- \*\*(.+?)\*\*(.*?)(?=^- |\Z)", re.DOTALL | re.MULTILINE)
 TEST = re.compile(r"^(async )?def test_|^Test\w+ = ", re.MULTILINE)
 

@@ -223,7 +223,7 @@ def test_missions_of_a_set_are_tried_with_single_orders(
 def test_a_rule_is_followed_to_its_missions(call: Call, folder: Path) -> None:
     done = call("rules", "trace", "ROE-01", str(folder))
     assert (done.code, done.err) == (0, "")
-    assert "retrieved: place" in done.out
+    assert "retrieved: rank" in done.out
     assert "attempt 1: decided" in done.out
     assert (
         "ROE-01, missions: retrieved in 1, decided in 1, broken in 0, prescribed in 0; "

@@ -105,7 +105,7 @@ def load_verb(name: str) -> Any:
     """Return the command of a verb, its help ended with its example."""
     from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
 
-    module = import_module(f"pa_console.cli.verbs.{MODULES.get(name, name)}")
+    module = import_module(f".{MODULES.get(name, name)}", __name__)
     verb = getattr(module, "app", None) or getattr(module, name)
     alone = typer.Typer(rich_markup_mode=None)
     if isinstance(verb, typer.Typer):
