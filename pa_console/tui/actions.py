@@ -59,7 +59,7 @@ class ActionContext:
     stops: bool = True
     commander: bool = False
     asks: bool = False
-    """True if the console accepts questions although it accepts no missions."""
+    """True if questions are accepted; a joined console accepts them without missions."""
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -92,8 +92,8 @@ class ConsoleAction:
     """An action of the operator.
 
     In the user's keymap, `id` names the first key and `id.also` the others. `keys` are Textual key
-    names separated by commas. The tables in `pa_console.tui.controllers.controllers` name the
-    method that carries out each action.
+    names separated by commas. The tables in `pa_console.tui.controllers.controllers` have the
+    functions that carry out the actions.
     """
 
     id: str

@@ -177,8 +177,9 @@ class ConsoleApp(App[None]):
     def refresh_css(self, animate: bool = True) -> None:
         """Read all style sheets again, for example for another theme.
 
-        The first call changes nothing, because the console sets its first theme before the style
-        sheets are read. Reading them twice would take a tenth of the time of the first paint.
+        The first call does nothing if the theme is still the constructor's, because the style
+        sheets are first read with its colours. Reading them twice would add a tenth to the time of
+        the first paint.
         """
         first, self._first_colours = self._first_colours, None
         if first != self.get_css_variables():

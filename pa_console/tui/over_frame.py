@@ -1,4 +1,7 @@
-"""The change from the opening frame to the screen without a blank, and the next start's frame."""
+"""The handover from the opening frame to the screen, without a blank between them.
+
+The first screen is stored as the opening frame of the next start.
+"""
 
 from collections.abc import Callable
 from typing import Any

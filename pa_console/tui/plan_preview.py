@@ -30,7 +30,7 @@ STAYS_S = 1.5
 
 @dataclass(frozen=True)
 class CoverChange:
-    """The numbers of a gate's guards before and after a plan, and the longest time without one."""
+    """The number of a gate's guards before and after a plan, and the longest time without any."""
 
     before: int
     after: int

@@ -112,7 +112,7 @@ class Reliance:
         return "stale" if asset.stale or self.age(asset) > self._stale_s else "fresh"
 
     def asset(self, asset: AssetTelemetry) -> Term:
-        """Return the status to show; an unreliable report is shown by its condition."""
+        """Return the status to show; for an unreliable report, it is the report's condition."""
         state = self.report(asset)
         if asset.status == "failed":
             return term("asset", "failed")

@@ -22,8 +22,8 @@ SecondsClock = Callable[[], float]
 class JoinedTo:
     """Another station's session: its name, and the person who may countersign here, or ''.
 
-    `command_question` returns the effects of taking command; it raises ValueError if that is
-    impossible. It is None unless the person is a commander.
+    `command_question` returns a question with the effects of taking command; it raises ValueError
+    if that is impossible. It is None unless the person is a commander.
     """
 
     station: str

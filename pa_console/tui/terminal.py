@@ -1,4 +1,4 @@
-"""The terminal of the console: its hang-up, and the user's own editor in it."""
+"""The console's terminal: notice of a hang-up, and the user's own editor in the terminal."""
 
 import asyncio
 import os

@@ -84,7 +84,7 @@ GROUNDS = ("background", "surface", "panel")
 """The names of the backgrounds of text."""
 
 BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
-"""The fills behind a sign in the text colour of the same name, and the share of the colour."""
+"""The fills behind a sign in the text colour of the same name, and that colour's share in each."""
 
 FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
 """The solid fills; a sign on one of them is black or white."""

@@ -41,7 +41,7 @@ class DecisionButtons(Horizontal):
 
 
 def is_free(key: str) -> bool:
-    """Return whether a key can decide nothing and so works before the panel is armed."""
+    """Return whether a key never decides anything, so that it works before the panel is armed."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())
 
 

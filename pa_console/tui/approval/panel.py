@@ -118,7 +118,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._shown: tuple[object, ...] | None = None
         self._age = "", ""
         self._foreseen = "", ""
-        """The id of a request for a timed order, and the order's plan as of now."""
+        """The id of a request for a timed order, and how the order would be planned now."""
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -178,7 +178,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.call_after_refresh(self.fit)
 
     def tell_foreseen(self, request_id: str, foreseen: str) -> None:
-        """Show the plan, as of now, for the timed order of a request."""
+        """Show how the timed order of a request would be planned now."""
         self._foreseen = request_id, foreseen
         if self._trace is not None and self._request is not None:
             self._tell(self._trace, None)

@@ -186,8 +186,8 @@ def approval_rows(
 ) -> Iterator[WrappedRow]:
     """Yield all facts about the waiting plan; none if no plan waits.
 
-    `preview` is its rehearsed plan, None without a rehearsal. `foreseen` is the plan as of now for
-    a timed order.
+    `preview` is its rehearsed plan, None without a rehearsal. `foreseen` describes the plan that a
+    timed order would have now.
     """
     request = trace.approval
     if request is None:
@@ -408,7 +408,7 @@ def reading_label(number: int, asked: str) -> Content:
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
     """Yield all facts about a standing order before its approval.
 
-    `foreseen` is the plan as of now for its order, '' if that is unknown.
+    `foreseen` describes the plan that the order would have now, '' if that is unknown.
     """
     if read.order.once and read.moments:
         yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),

@@ -95,7 +95,7 @@ class _Chart:
         return Content.styled(text.ljust(self._columns), NOTE)
 
     def bar(self, agent: str) -> Content:
-        """Return the bar of an agent, with a mark at its end for whether the agent finished."""
+        """Return the bar of an agent; the mark at its end shows whether the agent finished."""
         motion, preview = self._preview.rehearsal.motion, self._preview
         ended_s = motion.ended_s.get(agent, preview.duration_s)
         arrived_s = motion.arrived_s.get(agent, ended_s)
@@ -116,7 +116,7 @@ class _Chart:
 
 
 def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
-    """Yield the number of guards at each change, and a line for as long as it stays the same."""
+    """Yield the number of guards at each change, followed by a line until the next change."""
     for count, columns in groupby(counts):
         length = sum(1 for _ in columns)
         digit = str(count) if count <= _DIGITS else "+"

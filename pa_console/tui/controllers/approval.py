@@ -53,7 +53,7 @@ LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class ApprovalController:
-    """The decision on the waiting plan; drafts of modified plans are kept until the end."""
+    """The decisions on waiting plans; drafts of modified plans last as long as the console."""
 
     def __init__(self, session: ConsoleSession, commands: CommandController) -> None:
         self._session, self._commands = session, commands
@@ -61,7 +61,7 @@ class ApprovalController:
         self._editing: tuple[PlanKey, Screen[Plan | str | None]] | None = None
         self._comparing: tuple[str, PlanComparison] | None = None
         self._foreseen = ""
-        """The id of the last request for a timed order that was planned as of now."""
+        """The id of the last request with a timed order that was planned ahead."""
 
     def go_to_it(self) -> None:
         """Focus the waiting plan, from any screen that is not modal."""

@@ -39,7 +39,7 @@ def window_title(text: str = "") -> str:
 
 
 class AttentionController:
-    """The calls for the operator after a frame; the settings can switch each kind off."""
+    """The calls for the operator, made after a frame; the settings can switch off each kind."""
 
     def __init__(
         self, session: ConsoleSession, settings: SettingsController, write: Callable[[str], object]

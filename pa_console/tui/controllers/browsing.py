@@ -26,7 +26,7 @@ class BrowsingController:
         evaluations: Path | None,
         copies: Path | None = None,
     ) -> None:
-        """Use the folder `evaluations` of all evaluations and the folder `copies` of exports.
+        """Use `evaluations` as the folder of all evaluations, and `copies` as that of exports.
 
         None means the user's own folder.
         """
@@ -59,7 +59,7 @@ class BrowsingController:
             self.follow(subject)
 
     def follow(self, name: str) -> None:
-        """Keep the item `name` in view on the map, and focus the map."""
+        """Keep the item `name` in view on the map, and show the map."""
         shown = self._session.shown
         if shown is not None:
             if shown.query_one(MapView).follow(name):

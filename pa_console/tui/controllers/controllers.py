@@ -184,8 +184,8 @@ class ConsoleCommands(Provider):
     async def search(self, query: str) -> Hits:
         """Yield the matches of the typed text.
 
-        The simulation has thousands of entries at a large site. Only those are matched whose title
-        contains every typed word.
+        A large site has thousands of entries for the simulation. Such an entry is matched only if
+        its title contains every typed word.
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))

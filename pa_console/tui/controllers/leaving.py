@@ -1,4 +1,4 @@
-"""The end of the console: after a question if a mission would end, or when the terminal is gone."""
+"""Leaving the console: after a question if something would end, or when the terminal is gone."""
 
 import asyncio
 import signal

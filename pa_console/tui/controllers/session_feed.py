@@ -1,4 +1,4 @@
-"""The session's events: they are folded, and the panes that they change are repainted."""
+"""The feed of the session's events, which folds them and repaints the panes that they change."""
 
 import asyncio
 from collections.abc import Callable

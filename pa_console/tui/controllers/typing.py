@@ -20,7 +20,10 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 
 TEXT_S = 0.5
-"""Two different printable keys, one of them a letter, within this time are text, seconds."""
+"""The longest time between two keys of a text, seconds.
+
+Two different printable keys are text if at least one of them is a letter.
+"""
 
 CHOSEN_S = 5.0
 """The time for which a command waits for Enter and a notice about keys is shown, seconds."""

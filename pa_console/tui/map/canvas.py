@@ -223,7 +223,7 @@ class Projection:
 
     @cached_property
     def _scale(self) -> tuple[float, float]:
-        """Cells per metre, across and down."""
+        """The number of cells per metre, across and down."""
         west, south, east, north = self._view
         width, height = self._fitted
         across = max(width - 3, 1) / max(east - west, 1.0)

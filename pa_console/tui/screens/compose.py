@@ -90,7 +90,7 @@ class ChooseLine(ModalScreen[str | None]):
     ) -> None:
         """Show the lines, or the text `nothing` if there are none.
 
-        `more` runs in a thread; it yields all lines again and again, each time with new ones.
+        `more` runs in a thread and yields the whole list several times, each time with more lines.
         `remove` removes a line and returns the others; it raises ValueError or OSError.
         """
         super().__init__()
@@ -224,7 +224,7 @@ def asset_choices(asset: AssetTelemetry, *, taken: bool) -> list[CardChoice]:
 
 
 def track_choices(track: Track, world: World) -> list[CardChoice]:
-    """Return the choices for a track: the orders that the team can carry out, and following it."""
+    """Return the choices for a track: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
     found: list[CardChoice] = []
     if "uav" in kinds:
@@ -238,7 +238,7 @@ def track_choices(track: Track, world: World) -> list[CardChoice]:
 
 
 def frame_choices(name: str, world: World) -> list[CardChoice]:
-    """Return the choices for a place: the orders that the team can carry out, and following it."""
+    """Return the choices for a place: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
     found = [CardChoice("Send … here", f"Send {{asset}} to {name}.")]
     if name in world.gates:

@@ -160,7 +160,7 @@ class MainScreen(Screen[None]):
         self.call_after_refresh(self.query_one(ApprovalPanel).fit)
 
     def use_delays(self, approval_s: float, stale_s: float) -> None:
-        """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
+        """Set the user's approval delay and the age at which telemetry is stale, in seconds."""
         self.query_one(ApprovalPanel).arm_delay_s = approval_s
         self.query_one(StatusBar).stale_after_s = stale_s
 

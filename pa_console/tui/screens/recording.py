@@ -289,7 +289,7 @@ def _since_start(time_of_day: float, player: Player) -> float:
 
 
 def banner(player: Player, width: int) -> Content:
-    """Return the line that marks a replay, with its position and the keys that move it."""
+    """Return the line that marks a replay: its state, its position, and the signs of the marks."""
     sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
     where = f"log {clock_text(player.position)} of {clock_text(player.duration)}"
     parts: list[tuple[str, str] | str] = [

@@ -156,7 +156,7 @@ def value_of(loaded: LoadedSettings, choice: SettingChoice) -> str:
 
 
 def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
-    """Return whether the value in force was set and is not the default."""
+    """Return whether the user has set the value in force, in any source."""
     name = str(choice.field[0])
     if name == "keys":
         return choice.field[1] in loaded.values.keys

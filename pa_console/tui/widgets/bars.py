@@ -39,9 +39,9 @@ class Scrubber(Static):
 
     @dataclass
     class PlaceClicked(Message):
-        """Posted when the bar is clicked; `share` is the part of the recording before the place.
+        """Posted when the bar is clicked.
 
-        It is between 0 and 1.
+        `share` is the part of the recording before the clicked place, from 0 to 1.
         """
 
         share: float
@@ -219,7 +219,7 @@ class StatusBar(Static):
     def _gates(self, state: SessionState) -> tuple[Content, str]:
         """Return the gates that are not covered, and a short count; '' if all are covered.
 
-        A gate with unknown cover is not covered.
+        A gate with unknown cover counts as not covered.
         """
         if state.picture is None:
             return Content.styled("? gates unknown", "$text-warning"), "? gates"
@@ -241,7 +241,7 @@ class StatusBar(Static):
         return Content.styled(f"{mark.glyph} all gates covered", mark.style), ""
 
     def _manual(self, state: SessionState) -> list[tuple[str, str]]:
-        """Return the assets under manual control; none if there are none."""
+        """Return the assets under manual control."""
         assets = state.picture.assets if state.picture is not None else {}
         short, mark = short_names(assets), term("asset", "manual")
         names = [short[name] for name, asset in assets.items() if asset.manual]

@@ -58,7 +58,7 @@ LEGEND_FROM_ROWS = 13
 RIGHT_BUTTON = 3
 MOST_ZOOM = 16.0
 FOLLOW_ZOOM = 2.0
-"""The least zoom at which an item is followed."""
+"""The least zoom when the map begins to follow an item."""
 
 SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 SCALE_COLUMNS = 7

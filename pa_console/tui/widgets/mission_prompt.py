@@ -26,7 +26,7 @@ from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
-"""The text of the empty prompt without the focus: the first line that an operator reads."""
+"""The text of the empty, unfocused prompt: the first line that an operator reads."""
 
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
@@ -389,7 +389,7 @@ class MissionPrompt(Horizontal):
         return True
 
     def fitting(self, names: Sequence[str]) -> tuple[Slot, str] | None:
-        """Return the open slot that one of `names` fits, and that name; the cursor's slot first."""
+        """Return an open slot that one of `names` fits, and that name; prefer the cursor's slot."""
         if not self._takes:
             return None
         field = self.query_one(MissionInput)

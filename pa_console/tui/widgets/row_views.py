@@ -124,7 +124,7 @@ class VirtualRows(ScrollView):
         raise NotImplementedError
 
     def sticky(self, first: int, width: int) -> Content | None:
-        """Return what stays in the top line while row `first` is scrolled there, if anything."""
+        """Return the content to keep in the top line while row `first` is there, or None."""
         del first, width
         return None
 
@@ -318,7 +318,7 @@ class PointedRows(VirtualRows, Generic[Item]):
 class EventList(ScrollView):
     """The events, newest last; long lines wrap.
 
-    Events that are hidden outside the simulation are left out, unless `all_known` (in a replay).
+    Events that only the simulation can see are left out, unless `all_known` (in a replay).
     """
 
     can_focus = True
