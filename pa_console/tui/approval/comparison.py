@@ -133,7 +133,7 @@ def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     preview = candidate.preview
     yield fact("read as", candidate.reading or ("not told", QUIET), width=_LEAD)
     yield from action_rows(preview)
-    yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
+    yield cover_row(preview) or row(("Guards  ", QUIET), "unchanged at every gate")
     yield fact("time", f"{preview.duration_s:.0f} s", width=_LEAD)
     yield fact("battery", _battery(preview), width=_LEAD)
     if candidate.broken:
@@ -187,7 +187,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         Binding("left,up", "point(-1)", "Before", show=False),
         Binding("right,down", "point(1)", "Next", show=False),
         *(
-            Binding(f"{key},{alias}", f"point_at({n})", "Point at it", show=False)
+            Binding(f"{key},{alias}", f"point_at({n})", "Select this plan", show=False)
             for n, (key, alias) in enumerate(zip(READING_KEYS, ALT_DIGITS, strict=True), start=1)
         ),
     ]

@@ -116,7 +116,7 @@ class ReasonField(LineField):
         if request.needs_override and not request.blocked_by:
             self.placeholder = "Why override the judge? (required)"
         elif request.state == "not_understood":
-            self.placeholder = "Your answer, Enter sends it"
+            self.placeholder = "Your answer; press Enter to send it"
         else:
             self.placeholder = "Reason (optional)"
 

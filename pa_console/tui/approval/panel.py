@@ -67,9 +67,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         Binding("space", "play", "Play the rehearsal", show=False),
         Binding("alt+c", "compare", "Plans side by side", show=False, priority=True),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
-        Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
+        Binding("pageup", "scroll_plan(-1)", "Previous part of the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
-        Binding("shift+tab", "cycle(-1)", "Field before", show=False),
+        Binding("shift+tab", "cycle(-1)", "Previous field", show=False),
     ]
 
     @dataclass
@@ -293,9 +293,9 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Return the effect of the next key, if the focus alone does not show it."""
         joined = self._joined is not None
         if self.has_focus:
-            return "a goes to Countersign" if joined else "r, m or a goes to a button"
+            return "a selects Countersign" if joined else "r, m or a selects a button"
         if self._buttons.of("approve").has_focus:
-            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
+            return "Enter signs it" if joined else "Enter approves, r selects Reject"
         plays = self._request is not None and self._request.standing is None
         return "Space plays it, Alt+C compares plans" if plays and self.has_focus_within else ""
 

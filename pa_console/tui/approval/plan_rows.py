@@ -396,7 +396,7 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
         yield changed
     for fault in faults:
         yield row(("✘ ", BAD), (fault, BAD))
-    yield row("  ", ("Who goes may change once you choose it.", QUIET))
+    yield row("  ", ("Other assets may go once you choose this reading.", QUIET))
 
 
 def reading_label(number: int, asked: str) -> Content:
@@ -427,7 +427,7 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
         about = f"{start.subject}: " * bool(start.subject)
         yield fact("now", (about, "bold"), (start.order, WARN))
     if not read.now and read.order.condition:
-        yield fact("now", "it would start nothing: the condition holds of nobody")
+        yield fact("now", "it would start nothing: nothing meets the condition")
 
 
 def order_rows(
