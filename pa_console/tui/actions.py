@@ -127,7 +127,7 @@ class ConsoleAction:
         return self.app_action or f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
-        """Return the reason that the action is not legal now, empty if it is."""
+        """Return the reason why the action is not legal now; empty if it is legal."""
         return next((why for need in self.needs if (why := _refusal(need, now))), "")
 
     @property

@@ -50,7 +50,7 @@ READ_ONLY = "READ-ONLY: every command is refused"
 
 
 class VisibleLines(LineFilter):
-    """A filter that shows control and invisible characters as escapes; widths do not change."""
+    """A filter that shows control and invisible characters as escapes; a line keeps its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """Return the line with escapes; text that no longer fits is cut off at the end."""

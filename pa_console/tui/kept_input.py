@@ -81,7 +81,7 @@ class History:
     def add(self, text: str) -> None:
         """Add `text` as the newest entry, without an earlier copy, and write the file if possible.
 
-        Line breaks are kept; blank lines and superfluous spaces are removed.
+        Line breaks are kept; blank lines and extra spaces are removed.
         """
         text = "\n".join(line for part in text.splitlines() if (line := " ".join(part.split())))
         self._texts = self._newest([*(known for known in self._texts if known != text), text])

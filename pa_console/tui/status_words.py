@@ -56,7 +56,7 @@ def term(family: str, value: str) -> Term:
 
 
 TERMS = {name: term(*name.split(".", 1)) for name in STATUSES}
-"""Every status word, for a page that explains them."""
+"""All status words, for the page that explains them."""
 
 
 def short_names(names: Iterable[str]) -> dict[str, str]:

@@ -41,4 +41,4 @@ class InForce(NamedTuple):
 
 
 ShownRules = Rulebook | InForce
-"""The rules in force, at the start of the console or since a change."""
+"""The rules in force: those at the start of the console, or those after a change."""

@@ -38,7 +38,7 @@ def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
 
 
 def editor_command() -> list[str]:
-    """Return the words of the user's editor command, with the whole path of its program.
+    """Return the words of the user's editor command, with its program as an absolute path.
 
     Raises ValueError if there is no editor.
     """

@@ -288,7 +288,7 @@ def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Wrapped
 
 
 def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[WrappedRow]:
-    """Yield the phase of a workflow that the plan is for, and whether the phase has changed."""
+    """Yield the workflow phase that the plan is for, and whether that phase has changed."""
     planned = attempt.phase if attempt else ""
     now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
     if now is not None:

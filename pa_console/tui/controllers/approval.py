@@ -307,7 +307,7 @@ class AnswerScreen(ModalScreen[None]):
         self._show()
 
     def show(self, told: QuestionAnswered) -> None:
-        """Show the answer, also if the panel is not mounted yet; do nothing if it was left."""
+        """Show the answer, now or when the panel is mounted; do nothing if the screen was left."""
         self._rows = tuple(each for part in answered((told,)) for each in drawn(part)[0].rows)
         self._show()
 

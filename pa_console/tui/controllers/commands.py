@@ -140,7 +140,7 @@ class CommandController:
             self._session.station.typing("" if slots(text) else text)
 
     def point(self) -> None:
-        """Report the followed item to the station, so that *this one* in an order refers to it."""
+        """Pass the followed item to the station, so that *this one* in an order refers to it."""
         shown = self._session.main
         if self._session.station is not None and shown is not None:
             self._session.station.point(shown.query_one(MapView).followed)

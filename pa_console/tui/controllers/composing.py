@@ -118,7 +118,7 @@ class Favourites:
 
 
 class PastOrder(NamedTuple):
-    """An order, with the start of its session and its outcome if a log has them."""
+    """An order, with the start of its session and its last status if a log has them."""
 
     text: str
     session_began: datetime | None = None

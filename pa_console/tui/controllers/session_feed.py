@@ -59,7 +59,7 @@ class SessionFeed:
                 self.observer(event)
                 self._app.call_later(self.take, event)
                 await asyncio.sleep(0)
-        except Exception as error:  # whatever broke, the operator must keep the console
+        except Exception as error:  # after any error, the operator must keep the console
             problem = f"{type(error).__name__}: {error}"
         self._app.call_later(self.end, problem)
 

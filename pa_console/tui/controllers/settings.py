@@ -26,7 +26,7 @@ class SettingsController:
         self._app.theme = chosen if chosen in self._app.available_themes else DEFAULT_THEME
 
     def use(self, loaded: LoadedSettings) -> None:
-        """Apply all settings that need no restart; report unusable ones."""
+        """Apply all settings that need no restart; show the unusable ones."""
         shown, self.loaded = self.loaded.values.theme, loaded
         values = loaded.values
         if values.theme != shown:  # otherwise, keep a theme picked meanwhile

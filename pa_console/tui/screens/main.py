@@ -292,7 +292,7 @@ class MainScreen(Screen[None]):
             else:
                 panel.take_focus()
         elif not panel.display and had_keys:
-            if prompt.draft or in_reason:  # what is typed next is no mission
+            if prompt.draft or in_reason:  # text typed next is not a mission
                 self.focus_view(self._view)
             elif not self._closed_why:
                 prompt.take_cursor()

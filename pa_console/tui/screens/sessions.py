@@ -252,7 +252,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         self.notify(f"{where}; {also}", title="Exported", timeout=10, markup=False)
 
     def action_again(self) -> None:
-        """Run the session again in a thread, and report whether the results are equal."""
+        """Run the session again in a thread, and show whether the results are equal."""
         session = self.listing.item
         if session is not None:
             self.notify("the session is being run again", title=session.title[:40], markup=False)

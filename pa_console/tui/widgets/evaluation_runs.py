@@ -54,7 +54,7 @@ _NO_RUNS = (
 )
 _GAP = "  "
 LEAST_TEXT = 14
-"""The least width of a text column, cells; below it, the table grows wider than the screen."""
+"""The least width of a text column, cells; without this room, the table exceeds the screen."""
 
 LEAST_WIDTH = 40
 
@@ -255,7 +255,7 @@ def _grid(table: ReportTable, width: int) -> list[Content]:
 
 
 def _widths(table: ReportTable, numeric: Sequence[bool], width: int) -> list[int]:
-    """Return the width of each column; wide text columns shrink, and titles of numbers wrap."""
+    """Return the width of each column; wide text columns shrink, titles of number columns wrap."""
     columns = list(zip(table.columns, *table.rows, strict=True))
     widths: list[int] = []
     for (title, *cells), right in zip(columns, numeric, strict=True):

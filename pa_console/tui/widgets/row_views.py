@@ -376,11 +376,11 @@ class EventList(ScrollView):
 
     def _to_end(self) -> None:
         self._ending = False
-        if self._width() != self._laid_out:  # a scrollbar has come or gone
+        if self._width() != self._laid_out:  # a scrollbar has appeared or disappeared
             self._lay_out()
             self.virtual_size = Size(self._laid_out, len(self._lines))
         self.scroll_end(animate=False, immediate=True, force=True)
-        self.vertical_scrollbar.position = self.scroll_offset.y  # also when it has just come
+        self.vertical_scrollbar.position = self.scroll_offset.y  # also if it has just appeared
 
     def render_line(self, y: int) -> Strip:
         """Return the visible line at `y`."""
