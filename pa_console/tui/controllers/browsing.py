@@ -26,7 +26,7 @@ class BrowsingController:
         evaluations: Path | None,
         copies: Path | None = None,
     ) -> None:
-        """Use `evaluations` as the folder of all evaluations, and `copies` as that of exports.
+        """Use `evaluations` as the folder of all evaluations, and `copies` as the export folder.
 
         None means the user's own folder.
         """

@@ -126,7 +126,7 @@ class PastOrder(NamedTuple):
 
     @property
     def note(self) -> str:
-        """The note beside the order: the start of its session, in local time, and its outcome."""
+        """The note beside the order: the local start time of its session, and its last status."""
         if self.session_began is None:
             return ""
         return f"{self.session_began.astimezone():%d %b %H:%M}  {self.ended or 'open'}"
