@@ -48,7 +48,7 @@ class Layout(NamedTuple):
         return tuple(columns)
 
     def heading(self, width: int, note: str = "") -> Content:
-        """Return the names of the columns; the first has the group's title."""
+        """Return the heading: the group's title in the first column, then the columns' names."""
         words = [column(name, cells, QUIET) for name, cells in self.fitting(width)[1:]]
         first = column(self.title, self.columns[0][1], f"bold {QUIET}")
         return Content.assemble(first, *words, (note, QUIET)).truncate(width)
