@@ -1,6 +1,6 @@
-"""The one registry of actions, and their keys: the console's own and the user's.
+"""The registry of the console's actions, with their default keys and the user's own keys.
 
-Bindings, footer, command palette and help are made from it.
+The bindings, the footer, the command palette and the help are generated from it.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ Group = Literal[
 _COMMAND: tuple[Need, ...] = ("live", "writable")
 GROUPS: tuple[Group, ...] = get_args(Group)
 READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
-"""The keys of the other readings of an order, or of answers, at the approval panel."""
+"""The keys at the approval panel that choose another reading of an order, or an answer."""
 
 ALT_DIGITS = (
     "inverted_exclamation_mark",
@@ -35,10 +35,10 @@ ALT_DIGITS = (
     "infinity",
     "section_sign",
 )
-"""Textual's keys for Alt+1 to Alt+6 on terminals that send Escape and the digit."""
+"""Textual's names for Alt+1 to Alt+6 on terminals that send Escape and then the digit."""
 
 _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
-"""The keys of the approval panel, which a recording does not have."""
+"""The keys of the approval panel, which recordings do not have."""
 
 RESERVED = {
     **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
@@ -59,7 +59,7 @@ class ActionContext:
     stops: bool = True
     commander: bool = False
     asks: bool = False
-    """True if questions are accepted where missions are not."""
+    """True if questions are accepted; a joined console accepts them without missions."""
     mission: bool = False
     traced: bool = False
     approval: bool = False
@@ -91,9 +91,9 @@ class ActionHost(Protocol):
 class ConsoleAction:
     """An action of the operator.
 
-    `id` names its first key in the user's keymap and `id.also` the others; `keys` are Textual key
-    names separated by commas. The tables in
-    `pa_console.tui.controllers.controllers` have what carries it out.
+    In the user's keymap, `id` names the first key and `id.also` the others. `keys` are Textual key
+    names separated by commas. The tables in `pa_console.tui.controllers.controllers` have the
+    functions that carry out the actions.
     """
 
     id: str
@@ -106,24 +106,28 @@ class ConsoleAction:
     palette: bool = True
     urgent: bool = False
     opens_field: bool = False
-    """True if later keys go into a field. The action then runs at once, so that no letter of a
-    burst is taken for another command."""
+    """True if the action opens a field for the keys that follow.
+
+    The action then runs at once, so that no letter of a burst is taken for another command.
+    """
     confirmed: bool = False
-    """True if a printable key only selects it and Enter confirms it, as that key may begin a text;
-    a function key or one with Ctrl runs it at once."""
+    """True if a printable key only selects the action and Enter confirms it.
+
+    Such a key may begin a text. A function key or a key with Ctrl runs the action at once.
+    """
 
     words: str = ""
-    """Further words that find it in the palette."""
+    """Further words with which the palette finds the action."""
     app_action: str = ""
-    """The built-in action of Textual that it runs; '' if a controller carries it out."""
+    """The built-in Textual action to run; '' if a controller carries out the action."""
 
     @property
     def action(self) -> str:
-        """The action as Textual binds it; one method of the app serves all controllers."""
+        """The action string of the Textual bindings; one app method serves all controllers."""
         return self.app_action or f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
-        """Return the reason that the action is not legal now, empty if it is."""
+        """Return the reason why the action is not legal now; empty if it is legal."""
         return next((why for need in self.needs if (why := _refusal(need, now))), "")
 
     @property
@@ -348,7 +352,7 @@ def find_action(name: str, parameters: tuple[object, ...]) -> ConsoleAction | No
 
 
 def with_call(call: str) -> ConsoleAction | None:
-    """Return the registered action that a binding calls by this name."""
+    """Return the registered action whose bindings have the action string `call`."""
     return _BY_CALL.get(call)
 
 
@@ -358,12 +362,12 @@ def bindings() -> list[BindingType]:
 
 
 def first_key(name: str) -> str:
-    """Return the console's first default key for the action `name`, as it is written."""
+    """Return the first default key of the action `name`, as shown on the screen."""
     return key_text(action_of(name).keys.partition(",")[0])
 
 
 def key_text(keys: str) -> str:
-    """Return Textual key names as they are printed on a keyboard."""
+    """Return the keys named in `keys` as they are printed on a keyboard."""
     words = {
         "question_mark": "?",
         "slash": "/",
@@ -394,7 +398,7 @@ def key_text(keys: str) -> str:
 
 
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:
-    """Return the name of the command that `key` gives in a live session; empty if it gives none."""
+    """Return the label of the command on `key` in a live session; empty if there is none."""
     for action in ACTIONS:
         keys = ",".join(own_keys(action, keymap).values()).split(",")
         if "live" in action.needs and key in keys:
@@ -411,24 +415,24 @@ class KeymapError(ValueError):
 
 
 def own_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> dict[str, str]:
-    """Return the keys of an action by their names in a keymap."""
+    """Return the keys of an action, the user's or else the defaults, by their names in a keymap."""
     return {
         item.id: keymap.get(item.id, item.key) for item in action.bindings if item.id is not None
     }
 
 
 def shown_keys(action: ConsoleAction, keymap: Mapping[str, str]) -> str:
-    """Return an action's keys, the user's instead of the defaults, as they are written."""
+    """Return an action's keys as shown on the screen; the user's keys replace the defaults."""
     return key_text(",".join(own_keys(action, keymap).values()))
 
 
 def first_own_key(name: str, keymap: Mapping[str, str]) -> str:
-    """Return the first key of the action `name`, the user's or the default, as it is written."""
+    """Return the first key of the action `name`, the user's or the default, as it is shown."""
     return key_text(next(iter(own_keys(action_of(name), keymap).values())).partition(",")[0])
 
 
 def key_names() -> dict[str, ConsoleAction]:
-    """Return every valid name in a keymap with its action."""
+    """Return every valid name in a keymap, with its action."""
     return {name: action for action in ACTIONS for name in own_keys(action, {})}
 
 
@@ -455,7 +459,7 @@ def check_keys(keymap: Mapping[str, str]) -> None:
 
 
 def _split(name: str, keys: str) -> list[str]:
-    """Return the keys as Textual names them; raises KeymapError when there are none."""
+    """Return Textual's names for `keys`; raise KeymapError if they are not a list of key names."""
     try:
         return [item.key for item in Binding.make_bindings([Binding(keys, "")])]
     except InvalidBinding as error:

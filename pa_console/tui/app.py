@@ -1,4 +1,4 @@
-"""The operator console: wires the session, the screens and the controllers together."""
+"""The operator console, which connects the session, the screens and the controllers."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -50,10 +50,10 @@ READ_ONLY = "READ-ONLY: every command is refused"
 
 
 class VisibleLines(LineFilter):
-    """Shows characters that would be obeyed or not be seen as escapes; a line stays as wide."""
+    """A filter that shows control and invisible characters as escapes; a line keeps its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """Return the line as it may be shown: what no longer fits is cut off at its end."""
+        """Return the line with escapes; text that no longer fits is cut off at the end."""
         del background
         shown = [Segment(visible_line(text), style) for text, style, _ in segments]
         if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
@@ -62,7 +62,7 @@ class VisibleLines(LineFilter):
 
 
 def closed_by(joined: JoinedTo) -> str:
-    """Return why no mission is taken where another station's session is shown."""
+    """Return the reason why a console that shows another station's session takes no missions."""
     may = "you may countersign and stop" if joined.signer else "you may watch and stop"
     more = "" if joined.command_question is None else f"; {first_key('take_command')} takes command"
     where = f"The session of {joined.station}: it is commanded there"
@@ -70,14 +70,14 @@ def closed_by(joined: JoinedTo) -> str:
 
 
 Opening = Callable[["ConsoleApp"], None]
-"""Shows the screens that a console begins with."""
+"""A function that shows the first screens of a console."""
 
 
 class ConsoleApp(App[None]):
-    """The console over a live station, or over a player (then everything is refused).
+    """The console of a live station, or of a player, where every command is refused.
 
-    Every action of the registry arrives at `action_carry_out`, every message of a widget at one of
-    the handlers below; a controller carries it out.
+    `action_carry_out` receives every action of the registry. The handlers at the end of the class
+    receive the messages of widgets. A controller does the work.
     """
 
     TITLE = "PA Console"
@@ -110,15 +110,15 @@ class ConsoleApp(App[None]):
         last: LastSession | None = None,
         log: Path | None = None,
     ) -> None:
-        """A live console needs `station`, a replay `player`; tests replace `clock` and `key_time`.
+        """Build a live console over `station`, or a replay over `player`.
 
-        A console that has `joined` another station's session commands nothing.
-        Paths and settings that are None are the user's own, in the platform's folders. Rules can be
-        edited in the `rules_file` that they are from. `opening` shows other screens than the
-        session. `usual` are the seconds that each step of a mission usually takes; codes that call
-        the operator go `to_terminal`, by default to the one that the console runs on. Orders of the
-        `last` session can be taken up again. Beside the `log` are the cameras' pictures.
-        Raises DocumentError for settings of the user's that are wrong.
+        A console that has `joined` another station's session commands no assets. Paths and settings
+        that are None are the user's own, in the platform's folders. Rules can be edited if their
+        `rules_file` is given. `opening` shows other screens instead of the session. `usual` has the
+        seconds that each step of a mission usually takes. `to_terminal` receives the control codes
+        that call the operator; by default, they go to the console's own terminal. Orders of the
+        `last` session can be taken up again. The camera stills are stored beside the `log`. Tests
+        replace `clock` and `key_time`. Raises DocumentError if the user's settings are invalid.
         """
         self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
@@ -126,7 +126,7 @@ class ConsoleApp(App[None]):
         self._visible_lines = VisibleLines()
         self._history, self._opening, self._log_file = history, opening, log
         self.first_painted: Callable[[], object] = lambda: None
-        """Is called once, between the first paint and the first event."""
+        """A callback that runs once, between the first paint and the first event."""
         self.session = session = ConsoleSession(
             self, world, station, player, readonly=readonly, clock=clock, joined=joined, last=last
         )
@@ -155,18 +155,18 @@ class ConsoleApp(App[None]):
         self._first_colours: dict[str, str] | None = self.get_css_variables()
         self.stylesheet.set_variables(self._first_colours)
 
-    # What Textual asks of an app
+    # Overrides of Textual's App
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Let every line of every widget, screen and picture go through the last gate."""
+        """Return Textual's filters and, last, the filter that makes every character visible."""
         return [*super().get_line_filters(), self._visible_lines]
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
-        """Return the console's own colour variables for themes without them."""
+        """Return the console's values for colour variables that a theme does not define."""
         return VARIABLES
 
     def get_css_variables(self) -> dict[str, str]:
-        """Return the theme's colours, those of texts with enough contrast."""
+        """Return the theme's colours; those of text are adjusted to have enough contrast."""
         theme = self.current_theme
         key = f"{theme.name} {theme.dark}"
         if key not in self._readable:
@@ -175,28 +175,29 @@ class ConsoleApp(App[None]):
         return self._readable[key]
 
     def refresh_css(self, animate: bool = True) -> None:
-        """Read all style sheets again, as for another theme.
+        """Read all style sheets again, for example for another theme.
 
-        The theme that the console starts with has been set before they were read first; to read
-        them twice would be a tenth of what the first paint needs.
+        The first call does nothing if the theme is still the constructor's, because the style
+        sheets are first read with its colours. Reading them twice would add a tenth to the time of
+        the first paint.
         """
         first, self._first_colours = self._first_colours, None
         if first != self.get_css_variables():
             super().refresh_css(animate)
 
     def get_key_display(self, binding: Binding) -> str:
-        """Write keys the same way in the footer and in the help."""
+        """Return the text for a key, the same in the footer and in the help."""
         return key_text(binding.key)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Allow a registered action only while it is legal; it is hidden from the footer else."""
+        """Allow a registered action only while it is legal; otherwise, the footer hides it."""
         registered = find_action(action, parameters)
         if registered is not None and not self.session.allows(registered):
             return False
         return super().check_action(action, parameters)
 
     async def on_event(self, event: events.Event) -> None:
-        """Let a key that is no command, or not yet one, go no further."""
+        """Handle an event, except for a key that the typing controller takes."""
         if isinstance(event, events.InputEvent) and not event.is_forwarded:
             if isinstance(event, events.MouseDown):
                 self._typing.forget()
@@ -209,10 +210,10 @@ class ConsoleApp(App[None]):
         self.controllers.carry_out(name)
 
     def action_help_quit(self) -> None:
-        """Show how to leave; `^c` copies the selection and never leaves."""
+        """Show how to leave the console; `^c` copies the selection and never leaves."""
         self.controllers.leaving.say_how()
 
-    # What screens and the palette ask of it
+    # Properties for screens and the palette
 
     @property
     def situation(self) -> ActionContext:
@@ -276,10 +277,10 @@ class ConsoleApp(App[None]):
         self._log_alarm.show()
 
     def on_unmount(self) -> None:
-        """Give the terminal's window its own title back."""
+        """Restore the title of the terminal's window."""
         self._attention.leave()
 
-    # What arrives
+    # Messages of widgets
 
     @on(VirtualRows.RowChosen)
     def _row_chosen(self, message: VirtualRows.RowChosen) -> None:
@@ -314,7 +315,7 @@ class ConsoleApp(App[None]):
 
 
 def comparison(a: OpenedLog, b: OpenedLog) -> Opening:
-    """Return what shows a comparison over the recording of `a`, to which Escape leads."""
+    """Return an opening that compares `a` with `b`; Escape leads to the recording of `a`."""
 
     def show(app: ConsoleApp) -> None:
         app.show_session()
@@ -326,7 +327,7 @@ def comparison(a: OpenedLog, b: OpenedLog) -> Opening:
 
 
 def evaluation(folder: Path) -> Opening:
-    """Return what shows the evaluation in `folder` with no session behind it; q leaves it."""
+    """Return an opening that shows the evaluation in `folder` without a session; q leaves it."""
 
     def show(app: ConsoleApp) -> None:
         from pa_console.tui.screens.evaluation import EvaluationScreen  # noqa: PLC0415
@@ -339,9 +340,9 @@ def evaluation(folder: Path) -> Opening:
 def evaluation_console(
     folder: Path, site: Site, *, copies: Path | None = None, settings: LoadedSettings | None = None
 ) -> ConsoleApp:
-    """Return a read-only console on the evaluation in `folder`.
+    """Return a read-only console that shows the evaluation in `folder`.
 
-    Its policy browser shows the rules of `site`; `copies` and `settings` are those of the console.
+    Its policy browser shows the rules of `site`. `copies` and `settings` are passed to the console.
     """
     return ConsoleApp(
         site.world,
@@ -356,6 +357,6 @@ def evaluation_console(
 
 
 def show_evaluation(folder: Path, settings: LoadedSettings) -> None:
-    """Open the evaluation in `folder` on the screen and return when it is left."""
+    """Show the evaluation in `folder` on the screen until the operator leaves it."""
     site = load_site("checkpoint", "checkpoint")
     evaluation_console(folder, site, settings=settings).run(mouse=settings.values.mouse)

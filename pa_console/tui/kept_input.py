@@ -22,10 +22,10 @@ _WRITTEN = re.compile(r"\\([\\n])")
 
 
 class Drafts(dict[str, KeptDraft]):
-    """Drafts of one rule file by rule id, '' for a new rule; a disk that refuses is no error."""
+    """The drafts of one rule file, by rule id ('' for a new rule); disk errors are ignored."""
 
     def __init__(self, rules: Path | None = None, folder: Path | None = None) -> None:
-        """Begin with what `folder` has of the rule file; without a file nothing is kept."""
+        """Load the drafts of the file `rules` from `folder`; without a file, nothing is stored."""
         super().__init__()
         self._file: Path | None = None
         if rules is None:
@@ -38,14 +38,14 @@ class Drafts(dict[str, KeptDraft]):
                 self[name] = replace(opened, path=rules), text
 
     def note(self, opened: OpenRule, text: str) -> None:
-        """Take `text` for the draft of a rule, or for none when it is what the file has."""
+        """Store `text` as the draft of a rule, or drop the draft if `text` is unchanged."""
         if text == opened.text:
             self.pop(opened.id, None)
         else:
             self[opened.id] = opened, text
 
     def keep(self) -> None:
-        """Write what there is, if that is possible; without a draft no file is left."""
+        """Write the drafts to disk if possible; delete the file if there are no drafts."""
         if self._file is None:
             return
         with suppress(OSError):
@@ -57,15 +57,15 @@ class Drafts(dict[str, KeptDraft]):
 
 
 def history_file() -> Path:
-    """Return where the history is kept for this user."""
+    """Return the path of this user's history file."""
     return user_state_path("pa-console") / "missions.txt"
 
 
 class History:
-    """Typed texts, oldest first, with a cursor that up and down move; `file` None keeps nothing.
+    """The typed texts, oldest first, with a cursor that the up and down keys move.
 
-    The file has a text a line, in which a backslash stands before another and before the `n` of a
-    line feed.
+    If `file` is None, nothing is stored. The file has one text a line. A backslash is written as
+    two backslashes, and a line feed as a backslash and an `n`.
     """
 
     def __init__(self, file: Path | None = None, kept: int = HISTORY_KEPT) -> None:
@@ -79,9 +79,9 @@ class History:
         self._draft = ""
 
     def add(self, text: str) -> None:
-        """Remember `text` as the newest, once, and write the file if that is possible.
+        """Add `text` as the newest entry, without an earlier copy, and write the file if possible.
 
-        Its lines stay lines, without what is only space.
+        Line breaks are kept; blank lines and extra spaces are removed.
         """
         text = "\n".join(line for part in text.splitlines() if (line := " ".join(part.split())))
         self._texts = self._newest([*(known for known in self._texts if known != text), text])
@@ -93,14 +93,14 @@ class History:
 
     @property
     def texts(self) -> tuple[str, ...]:
-        """Every text, the newest first."""
+        """All texts, newest first."""
         return tuple(reversed(self._texts))
 
     def _newest(self, texts: list[str]) -> list[str]:
         return texts[-self._kept :] if self._kept else []
 
     def move(self, by: int, current: str) -> str:
-        """Return the text `by` entries away; what was being typed comes back at the end."""
+        """Return the text `by` entries away; past the newest entry, return the text being typed."""
         if self._at == len(self._texts):
             self._draft = current
         self._at = max(0, min(len(self._texts), self._at + by))
@@ -116,12 +116,12 @@ def _read(line: str) -> str:
 
 
 def export_folder() -> Path:
-    """Return where copies are written for this user."""
+    """Return the folder for this user's copies."""
     return user_state_path("pa-console") / "copies"
 
 
 def write_copy(folder: Path, name: str, text: str) -> str:
-    """Write `text` to `folder`; return where, or why that was not possible."""
+    """Write `text` to the file `name` in `folder`; return a message with its path or the error."""
     path = folder / name
     try:
         make_private_folder(folder)

@@ -1,4 +1,4 @@
-"""Orders with slots, like `Send {asset} to {place}.`, and the names that complete or fill them."""
+"""Order templates with slots, like `Send {asset} to {place}.`, and the names that fill them."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -12,7 +12,7 @@ from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 _SLOT = re.compile(r"\{([a-z]+)\}")
 
 LEAST_TYPED = 2
-"""The number of letters that begin a name; fewer begin too many other words."""
+"""The least number of letters to complete as a name; fewer begin too many other words."""
 
 MOST_EXAMPLES = 4
 
@@ -21,7 +21,7 @@ _LAST_TWO_WORDS = re.compile(r"\w+ \w+$")
 
 
 class Slot(NamedTuple):
-    """The place of a slot in a text, its braces included, and its kind."""
+    """A slot of a text: its start, its end and its kind; the braces are part of it."""
 
     start: int
     end: int
@@ -29,12 +29,12 @@ class Slot(NamedTuple):
 
 
 def slots(text: str) -> list[Slot]:
-    """Return the slots of a text that are still open, in order."""
+    """Return the open slots of a text, in order."""
     return [Slot(found.start(), found.end(), found[1]) for found in _SLOT.finditer(text)]
 
 
 def next_slot(text: str, after: int) -> Slot | None:
-    """Return the first open slot that begins at `after` or behind it, else the first of all."""
+    """Return the first open slot at or after position `after`, or else the first in the text."""
     found = slots(text)
     return next((slot for slot in found if slot.start >= after), found[0] if found else None)
 
@@ -57,18 +57,18 @@ FORMS: tuple[OrderForm, ...] = (
     OrderForm("return_to_base", "Home", "Send {asset} home."),
     OrderForm("report", "Report", "Let {asset} report."),
 )
-"""One form for each command that a device has, the movements first."""
+"""One form for each command of a device; the movements come first."""
 
 
 def forms_for(kind: AssetKind) -> Iterator[OrderForm]:
-    """Yield the forms of what an asset of a kind can do."""
+    """Yield the forms of the commands that an asset of a kind can carry out."""
     return (form for form in FORMS if kind in COMMANDS[form.verb].kinds)
 
 
 def templates(world: World) -> list[str]:
     """Return a template for each command that some asset of the world can carry out.
 
-    A slot for the asset names its kind if not every kind can carry the command out.
+    If only some kinds of assets can carry out a command, its asset slot names a kind.
     """
     kinds: set[AssetKind] = {spec.kind for spec in world.assets.values()}
     found: list[str] = []
@@ -81,19 +81,19 @@ def templates(world: World) -> list[str]:
 
 
 class Completion(NamedTuple):
-    """The completions of the `typed` end of a text, the likeliest first."""
+    """The names that complete `typed`, the end of a text; the likeliest name is first."""
 
     typed: str
     names: tuple[str, ...]
 
     @property
     def rest(self) -> str:
-        """The missing rest of the first."""
+        """The letters of the first name that are still missing."""
         return self.names[0][len(self.typed) :]
 
 
 class OrderNames:
-    """Names of tracks, frames and assets; the tracks come and go."""
+    """The names of tracks, frames and assets; the tracks change during a session."""
 
     def __init__(self, world: World) -> None:
         assets = {name: PLAIN_KINDS[spec.kind] for name, spec in world.assets.items()}
@@ -110,7 +110,7 @@ class OrderNames:
         self._tracks: tuple[str, ...] = ()
 
     def use_tracks(self, tracks: Iterable[str]) -> None:
-        """Take the tracks that there are now."""
+        """Use these tracks instead of the previous ones."""
         self._tracks = tuple(tracks)
 
     def fits(self, name: str, slot: str) -> bool:
@@ -119,13 +119,13 @@ class OrderNames:
         return slot in own
 
     def for_slot(self, slot: str) -> tuple[str, ...]:
-        """Return every name that can stand in a slot."""
+        """Return every name that fits a slot."""
         return tuple(name for name in (*self._tracks, *self._fixed) if self.fits(name, slot))
 
     def completion(self, before: str) -> Completion | None:
-        """Return what the end of `before` may become: a name, or a place as it is spoken.
+        """Return the completions of the end of `before`: names, or places as they are spoken.
 
-        A word that is a name already becomes no longer one.
+        A word that is already a name has no completion.
         """
         word = _LAST_WORD.search(before)
         if word is None:
@@ -148,9 +148,9 @@ class OrderNames:
 
 
 def example_orders(world: World) -> tuple[str, ...]:
-    """Return up to four orders, each with another gate as long as there are others.
+    """Return up to four example orders, each with a different gate if there are enough gates.
 
-    The assets in them are spare ones where there are any: no gate is their post.
+    The examples prefer spare assets, whose post is not a gate.
     """
     gates = cycle(world.gates)
     orders: list[str] = []
@@ -165,7 +165,7 @@ def example_orders(world: World) -> tuple[str, ...]:
 
 
 def _spare(world: World, kinds: tuple[AssetKind, ...]) -> str:
-    """Return an asset of the first kind that there is; empty without any."""
+    """Return an asset of the first of `kinds` in the world, if possible a spare one; else ''."""
     return next(_by_choice(world, kinds), "")
 
 

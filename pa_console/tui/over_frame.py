@@ -1,4 +1,7 @@
-"""The screen takes over from the opening frame without a blank between them, and keeps the next."""
+"""The handover from the opening frame to the screen, without a blank between them.
+
+The first screen is stored as the opening frame of the next start.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,13 +17,14 @@ from pa_console.terminal.opening_frame import ENTER_SCREEN, OpeningFrame, keep_f
 from pa_console.tui.widgets.mission_prompt import MissionInput
 
 OPENING = "Opening; what you type now is kept"
-"""The words at the prompt of a frame."""
+"""The text at the prompt of an opening frame."""
 
 
 def driver_over(hand_over: Callable[[], list[Any]]) -> type[Driver]:
-    """Return a driver that begins on a covered terminal, which `hand_over` gives it.
+    """Return a driver class for a terminal that already shows the opening frame.
 
-    To enter the alternate screen once more would clear it.
+    `hand_over` hands over the terminal and returns its earlier attributes. The driver does not
+    enter the alternate screen again, because that would clear the frame.
     """
 
     class DriverOverFrame(LinuxDriver):
@@ -41,21 +45,21 @@ def driver_over(hand_over: Callable[[], list[Any]]) -> type[Driver]:
 
 
 def take_over(app: App[Any], frame: OpeningFrame) -> None:
-    """Let `app` begin where `frame` covers the terminal, if it does."""
+    """Start `app` on top of `frame` if the frame covers the terminal."""
     frame.release()
     if frame.shown:
         app.driver_class = driver_over(frame.hand_over)
 
 
 def keep_first(app: App[Any], frame: OpeningFrame) -> None:
-    """Keep the screen of `app`, as it was painted first, for the next start."""
+    """Store the first painted screen of `app` as the opening frame of the next start."""
     prompts = app.screen.query(MissionInput)
     if frame.file is not None and prompts:
         keep_frame(frame.file, _frame_lines(app, prompts.first()))
 
 
 def _frame_lines(app: App[Any], prompt: Widget) -> list[str]:
-    """Return the lines of the screen as it is now, with OPENING where `prompt` begins."""
+    """Return the lines of the present screen, with OPENING at the start of `prompt`."""
     strips = app.screen._compositor.render_strips()  # pyright: ignore[reportPrivateUsage]
     x, y = prompt.content_region.offset
     line, width = strips[y], min(prompt.content_region.width, app.size.width - x)

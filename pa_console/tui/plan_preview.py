@@ -1,6 +1,6 @@
-"""A rehearsed plan as it is looked at: ways, arrivals, cover of gates, the picture at a moment.
+"""A preview of a rehearsed plan: routes, arrivals, cover of gates, and the picture at a moment.
 
-Its playback goes at a pace at which one can follow it.
+The playback is slow enough to follow.
 """
 
 from bisect import bisect_right
@@ -19,18 +19,18 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.surroundings import SecondsClock
 
 MOVED_M = 1.0
-"""An asset that ends within this distance of its start has not moved, metres."""
+"""An asset within this distance of its start has not moved, metres."""
 
 LONGEST_S = 8.0
-"""The longest time that a rehearsal is played, seconds."""
+"""The longest playback of a rehearsal, seconds."""
 
 STAYS_S = 1.5
-"""The time that its end is shown, seconds."""
+"""The time for which the end of a playback stays on the screen, seconds."""
 
 
 @dataclass(frozen=True)
 class CoverChange:
-    """Guards of a gate before and after a plan, and the longest time without any meanwhile."""
+    """The number of a gate's guards before and after a plan, and the longest time without any."""
 
     before: int
     after: int
@@ -44,9 +44,9 @@ class CoverChange:
 
 @dataclass(frozen=True)
 class PlanPreview:
-    """`plan` as `rehearsal` has shown it; all times are in seconds from its start.
+    """A plan and its rehearsal; all times are in seconds from the start of the plan.
 
-    `reading` is what the order was read as, in plain words, where that is not the plan that waits.
+    `reading` is the reading of the order in plain words, unless this is the plan that waits.
     """
 
     world: World
@@ -56,12 +56,12 @@ class PlanPreview:
 
     @property
     def before(self) -> Picture:
-        """The picture that the rehearsal began with."""
+        """The picture at the start of the rehearsal."""
         return self.rehearsal.before
 
     @property
     def duration_s(self) -> float:
-        """When the rehearsal ended."""
+        """The duration of the rehearsal, seconds."""
         return self.rehearsal.timeline.duration_s
 
     @cached_property
@@ -71,12 +71,12 @@ class PlanPreview:
         return {agent: goal for agent, goal in sent if goal}
 
     def goal(self, action: Action) -> str:
-        """Return where an action leads, '' where its agent stays."""
+        """Return the destination of an action; '' if its agent stays in place."""
         return self.world.base if action.verb == "return_to_base" else action.target or ""
 
     @cached_property
     def ways(self) -> Mapping[str, tuple[TimedPoint, ...]]:
-        """The way of everything that moves; straight where the rehearsal did not record it."""
+        """The route of everything that moves; straight lines if no routes were recorded."""
         return self.rehearsal.motion.trajectories or dict(self._straight_ways())
 
     def _straight_ways(self) -> Iterator[tuple[str, tuple[TimedPoint, ...]]]:
@@ -91,9 +91,9 @@ class PlanPreview:
         return not goal or (asset is not None and asset.at == goal)
 
     def arrival_s(self, agent: str, place: str = "") -> float | None:
-        """Return when an agent is where it is sent, else when its command ends; None: never.
+        """Return when an agent arrives, or when its command ends; None if it never does.
 
-        Of an agent that is sent to several places, it is when it first comes to `place`.
+        For an agent with several destinations, return when it first reaches `place`.
         """
         if place and sum(action.agent == agent for action in self.plan.actions) > 1:
             frame, way = self.world.frames[place], self.ways.get(agent, ())
@@ -103,7 +103,7 @@ class PlanPreview:
         return motion.arrived_s.get(agent, motion.ended_s.get(agent))
 
     def departure_s(self, agent: str) -> float:
-        """Return when an agent sets out: at once, unless its first action comes after others."""
+        """Return when an agent sets out: at once, unless its first action follows other actions."""
         first = next((action for action in self.plan.actions if action.agent == agent), None)
         way = self.ways.get(agent, ())
         if first is None or not first.after or not way:
@@ -113,13 +113,13 @@ class PlanPreview:
         return max(time_s for time_s, *_ in waits)
 
     def finished(self, agent: str) -> bool:
-        """Return whether an agent's command ended as done."""
+        """Return whether an agent finished its command in the rehearsal."""
         line = self.rehearsal.timeline.assets.get(agent)
         return line is not None and line.finished
 
     @cached_property
     def arrivals(self) -> Mapping[str, tuple[str, ...]]:
-        """Place -> the agents that arrive there, soonest first; agents already there stay."""
+        """The agents that arrive at each place, soonest first, without those already there."""
         found: dict[str, list[str]] = {}
         for action in self.plan.actions:
             if not self.is_there(action):
@@ -135,7 +135,7 @@ class PlanPreview:
 
     @cached_property
     def cover_changes(self) -> Mapping[str, CoverChange]:
-        """The gates that have more or fewer guards after the plan, or none for a time."""
+        """The gates whose number of guards changes, and gates that lose all guards for a time."""
         changes: dict[str, CoverChange] = {}
         for gate, line in self.rehearsal.timeline.gates.items():
             before = len(self.guards_at(gate, 0.0))
@@ -147,13 +147,13 @@ class PlanPreview:
 
     @cached_property
     def involved(self) -> frozenset[str]:
-        """Agents, the places they are sent to, what stands at these, and gates that change."""
+        """The agents, their destinations, gates with changed cover, and tracks at these places."""
         places = {*self.goals.values(), *self.cover_changes}
         tracks = (name for name, track in self.before.tracks.items() if track.gate in places)
         return frozenset((*self.plan.agents, *places, *tracks))
 
     def guards_at(self, gate: str, time_s: float) -> tuple[str, ...]:
-        """Return who covers a gate at a moment of the plan."""
+        """Return the assets that cover a gate at `time_s`."""
         changes = self.rehearsal.motion.guards.get(gate, ())
         if not changes:
             picture = self.before if time_s < self.duration_s else self.rehearsal.after
@@ -161,7 +161,7 @@ class PlanPreview:
         return changes[max(bisect_right([at for at, _ in changes], time_s) - 1, 0)][1]
 
     def way_left(self, name: str, time_s: float) -> list[Point]:
-        """Return the way of something from a moment on; nothing where it stands still by then."""
+        """Return the rest of a route from `time_s` on; empty if the route has ended by then."""
         way = self.ways.get(name, ())
         if not way or time_s >= way[-1][0]:
             return []
@@ -170,7 +170,7 @@ class PlanPreview:
     def picture_at(self, time_s: float) -> Picture:
         """Return the picture at a moment of the plan, as far as it was recorded.
 
-        Its clock stands still, so that no report is older than it was when the plan was rehearsed.
+        Its clock does not advance, so that no report is older than at the time of the rehearsal.
         """
         if time_s >= self.duration_s:
             return self.rehearsal.after
@@ -194,7 +194,7 @@ class PlanPreview:
 
 
 def waiting_plan(world: World, trace: MissionTrace) -> PlanPreview | None:
-    """Return the plan that waits for a decision, None without one that could be rehearsed."""
+    """Return a preview of the plan that waits for a decision; None if it has no rehearsal."""
     request = trace.approval
     attempt = trace.find(request.attempt) if request is not None else None
     if request is None or attempt is None or attempt.rehearsal is None:
@@ -203,7 +203,7 @@ def waiting_plan(world: World, trace: MissionTrace) -> PlanPreview | None:
 
 
 def _at(way: tuple[TimedPoint, ...], time_s: float) -> Point:
-    """Return where something is at a moment of its way."""
+    """Return the position on a route at `time_s`."""
     if time_s <= way[0][0]:
         return way[0][1:]
     for (from_s, x, y), (to_s, far_x, far_y) in pairwise(way):
@@ -214,7 +214,7 @@ def _at(way: tuple[TimedPoint, ...], time_s: float) -> Point:
 
 
 def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
-    """Return which way something goes at a moment: 0 east, 90 north."""
+    """Return the direction of travel on a route at `time_s`, degrees: 0 is east, 90 is north."""
     for (_, x, y), (to_s, far_x, far_y) in pairwise(way):
         if time_s < to_s or to_s == way[-1][0]:
             return degrees(atan2(far_y - y, far_x - x))
@@ -223,7 +223,7 @@ def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
 
 @dataclass(frozen=True)
 class Playback:
-    """The rehearsal of `preview`, played since `began_s` on the `clock`."""
+    """The playback of a rehearsal, which began at `began_s` on the `clock`."""
 
     preview: PlanPreview
     clock: SecondsClock
@@ -239,11 +239,11 @@ class Playback:
 
     @property
     def time_s(self) -> float:
-        """The moment of the plan that is shown, in seconds from its start."""
+        """The moment of the plan on the screen, in seconds from the plan's start."""
         share = self._played_s / self._plays_s if self._plays_s else 1.0
         return min(share, 1.0) * self.preview.duration_s
 
     @property
     def is_over(self) -> bool:
-        """True if its end has been shown for long enough."""
+        """True if the end has been shown for long enough."""
         return self._played_s >= self._plays_s + STAYS_S

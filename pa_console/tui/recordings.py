@@ -1,4 +1,4 @@
-"""Opens a session log to be looked at or compared, with the world and the rules that it names."""
+"""Session logs, opened for a replay or a comparison, with the world and rules that they name."""
 
 import hashlib
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ from pa_console.station.assembly import SessionSites
 
 @dataclass(frozen=True)
 class OpenedLog:
-    """A recording with what its screens need; without its world it has no map.
+    """A recording with its world and its rules; without its world, it has no map.
 
-    `note` is what is not as it was then.
+    `note` names damage to the log, and a world or rules that are missing or have changed since.
     """
 
     name: str
@@ -35,37 +35,37 @@ class OpenedLog:
 
     @property
     def how_to_see(self) -> str:
-        """Return the remedy if the world of a recording is not here."""
+        """The advice to the operator if the world of the recording was not found."""
         return f"pa-console replay {self.name} --world FILE shows it with its map"
 
 
 @dataclass(frozen=True)
 class PlayableLog(OpenedLog):
-    """A recording whose world is here."""
+    """A recording with its world."""
 
     world: World
 
 
 class KnownWorld(NamedTuple):
-    """A world that is open already, with the hash that the log of its session names."""
+    """A world that is already open, with its hash from the log of the session."""
 
     world: World
     sha256: str
 
     @classmethod
     def of(cls, world: World, recording: Recording) -> Self:
-        """Return the `world` that a recording is shown in."""
+        """Return `world` with the hash that the log of `recording` names."""
         started = recording[0].data if len(recording) else None
         return cls(world, started.world_sha256 if isinstance(started, SessionStarted) else "")
 
 
 def index_folder() -> Path:
-    """Return where the indexes of large logs are kept."""
+    """Return the folder for the indexes of large logs."""
     return cache_folder() / "replay"
 
 
 def log_of_run(name: str, folder: Path) -> Path:
-    """Return the log `name` of a run in the evaluation's `folder`; ValueError without one."""
+    """Return the path of the log `name` in an evaluation's `folder`; raise ValueError if absent."""
     if not name:
         raise ValueError("this run kept no log; without --no-logs the next one will")
     log = folder / name
@@ -79,9 +79,10 @@ def open_log(
 ) -> PlayableLog:
     """Open a session log at its beginning, with the world and the rules that it names.
 
-    Its world is found by its hash below the folder `worlds`, which has the generated ones, or by
-    its name. `progress` gets the number of bytes read of a log without a stored index. Raises
-    DocumentError for a log or world that cannot be read, ValueError without a world.
+    The world is found by its hash below the folder `worlds`, which has the generated worlds, or
+    else by its name. `progress` receives the number of bytes read of a log without a stored index.
+    Raises DocumentError for a log or world that cannot be read, and ValueError if the world is not
+    found.
     """
     recording = Recording.read(log, progress, cache=index_folder())
     started = recording.started
@@ -96,11 +97,11 @@ def open_log(
 
 
 def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> OpenedLog:
-    """Open a session log to be compared with a recording of the world `known`.
+    """Open a session log for a comparison with a recording of the world `known`.
 
-    Its world is the known one if it has its hash, else that of an evaluation around the log, else
-    what is installed under its name; without any, the log is compared all the same. Raises
-    DocumentError for a log or world that cannot be read.
+    The log's world is the known one if their hashes are equal. Otherwise, it is the world of the
+    evaluation that has the log, or else the installed world of the same name. A log without a world
+    can be compared too. Raises DocumentError for a log or world that cannot be read.
     """
     recording = Recording.read(log, progress, cache=index_folder())
     started = recording.started
@@ -117,7 +118,7 @@ def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None
 
 
 def _rules(recording: Recording, started: SessionStarted) -> tuple[dict[str, Rule], list[str]]:
-    """Return the rules of a session, and their changes since."""
+    """Return the rules of a session, and notes about damage to the log and about changed rules."""
     notes = [str(recording.problem)] if recording.problem is not None else []
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
@@ -130,7 +131,7 @@ def _rules(recording: Recording, started: SessionStarted) -> tuple[dict[str, Rul
 
 
 def _world(started: SessionStarted, folder: Path | None) -> World | None:
-    """Return the world of a session: the file with its hash below `folder`, else by its name."""
+    """Return the world of a session: the file below `folder` with its hash, or else by its name."""
     for file in sorted(folder.glob("**/world.yaml")) if folder is not None else ():
         with suppress(DocumentError):
             if hashlib.sha256(read_bytes(file)).hexdigest() == started.world_sha256:

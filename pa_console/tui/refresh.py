@@ -1,4 +1,4 @@
-"""The panes that an event concerns, so that the others are left alone."""
+"""The panes that each kind of event changes, so that only those are repainted."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 FRAME_S = 0.12
-"""Least wall time between two repaints: about eight a second, whatever the event rate."""
+"""The least wall time between two repaints, seconds: about eight a second at any event rate."""
 
 ALL_VIEWS: frozenset[str] = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
 
@@ -40,20 +40,20 @@ _MISSION = frozenset(("status", "alarms", "trace", "events"))
 
 
 def views_of(kind: str) -> frozenset[str]:
-    """Return the panes that show something of an event of this kind."""
+    """Return the panes that an event of this kind changes."""
     return _BY_KIND.get(kind, _MISSION)
 
 
 def is_open(screen: Screen[Any]) -> bool:
-    """Return whether `screen` is neither left nor being closed with its application.
+    """Return whether `screen` is still in use: not left, and its application not closing.
 
-    A timer may fire while a screen is being closed; by then some of its widgets are gone.
+    A timer may fire while a screen is being closed, when some of its widgets are already gone.
     """
     return screen.app.is_running and screen in screen.app.screen_stack
 
 
 def retitle(pane: Widget, title: str) -> None:
-    """Give `pane` another title, no markup; the same one again paints nothing."""
+    """Set the title of `pane` without markup; setting the same title again paints nothing."""
     content = Content(title)
     if pane.border_title != content.markup:
         pane.border_title = content

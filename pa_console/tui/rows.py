@@ -1,4 +1,4 @@
-"""Rows with a hanging indent: what a trace is made of, laid out for a width or as plain text."""
+"""Rows with a hanging indent, laid out for a width or as plain text; a trace consists of them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ GAP = "  "
 class WrappedRow:
     """A fixed `lead` and a `body` that wraps beside it.
 
-    A body of `phrases`, two cells apart, goes on a new line rather than break one of them.
+    If the body consists of `phrases`, lines break between phrases where that is possible.
     """
 
     lead: Content
@@ -40,16 +40,16 @@ class RowSection:
 
 
 def row(lead: Sequence[Part] | Part = "", *body: Part) -> WrappedRow:
-    """Build a row from texts, (text, style) pairs and contents; nothing is read as markup.
+    """Build a row from texts, (text, style) pairs and contents; nothing is parsed as markup.
 
-    What would not be seen is written as its escape here, so that it has a width.
+    Invisible characters are replaced with their escapes, so that they count in the width.
     """
     leads = lead if isinstance(lead, list) else [cast(Part, lead)]
     return WrappedRow(Content.assemble(*map(_seen, leads)), Content.assemble(*map(_seen, body)))
 
 
 def phrased(lead: Sequence[Part] | Part, phrases: Iterable[Part]) -> WrappedRow:
-    """Build a row of phrases that are not broken where they fit on a line."""
+    """Build a row of phrases; a phrase that fits on a line is not broken."""
     parts = tuple(Content.assemble(_seen(part)) for part in phrases)
     return replace(row(lead, Content(GAP).join(parts)), phrases=parts)
 
@@ -65,18 +65,18 @@ def _seen(part: Part) -> Part:
 
 
 def column(text: str, width: int, style: str = "") -> tuple[str, str]:
-    """Return `text` cut or padded to `width` cells and one more, for the lead of a row."""
+    """Return `text`, cut or padded to `width` cells and followed by a space, and its style."""
     cut = text if len(text) <= width else text[: width - 1] + "…"
     return f"{cut:<{width}} ", style
 
 
 def fact(name: str, *body: Part, width: int = 9) -> WrappedRow:
-    """Return a row with the name of a fact in front of it."""
+    """Return a row that begins with the name of a fact."""
     return row(column(name, width, QUIET), *body)
 
 
 def layout(rows: Sequence[WrappedRow], width: int) -> list[Content]:
-    """Return the lines of `rows` at `width` cells; a body too narrow goes under its lead."""
+    """Return the lines of `rows` at `width` cells; without room, a body goes below its lead."""
     lines: list[Content] = []
     for item in rows:
         lead, body = item.lead, item.body
@@ -106,7 +106,7 @@ def _filled(phrases: Sequence[Content], width: int) -> list[Content]:
 
 
 def plain(sections: Sequence[RowSection]) -> str:
-    """Return the sections as text for the clipboard or a file, nothing left out."""
+    """Return the whole content of the sections as text for the clipboard or a file."""
     lines: list[str] = []
     for section in sections:
         lines += ["", section.title.plain, "-" * section.title.cell_length]

@@ -1,6 +1,6 @@
-"""Status words with their colours, words and short names of things, and the condition of a report.
+"""Status words and their colours, short names of assets, and the reliability of reports.
 
-Table, map and their order judge by the same condition whether a report can be relied on.
+The table, the map and the sort order use the same test of reliability.
 """
 
 import re
@@ -28,11 +28,11 @@ STYLES: dict[Tone, str] = {
 
 KIND_WORDS: dict[AssetKind, str] = {"uav": "UAV", "ugv": "UGV", "robot": "ground robot"}
 FINE = 9
-"""The rank of a thing without trouble; lower is more urgent."""
+"""The rank of an asset without trouble; a lower rank is more urgent."""
 
 
 class Term(NamedTuple):
-    """The presentation of one status everywhere."""
+    """The symbol, word and colour of one status, the same on every screen."""
 
     glyph: str
     word: str
@@ -50,19 +50,19 @@ class Term(NamedTuple):
 
 
 def term(family: str, value: str) -> Term:
-    """Return how `value` of `family` is shown; a value not in the table is shown as unknown."""
+    """Return the term for `value` of `family`; a value without an entry is shown as unknown."""
     glyph, word, tone = status_of(family, value)
     return Term(glyph, word, STYLES[tone])
 
 
 TERMS = {name: term(*name.split(".", 1)) for name in STATUSES}
-"""Every status word, for a page that explains them."""
+"""All status words, for the page that explains them."""
 
 
 def short_names(names: Iterable[str]) -> dict[str, str]:
-    """Return a name of a letter and a number for each asset, e.g. `Drone_T01` -> `D1`.
+    """Return a letter and a number as the name of each asset, such as `D1` for `Drone_T01`.
 
-    Names that would be the same get consecutive numbers instead.
+    If a number is missing or two names would be the same, each letter is numbered from 1.
     """
     names = tuple(names)
     first = {name: name[:1].upper() + _number(name) for name in names}
@@ -84,7 +84,7 @@ def _number(name: str) -> str:
 
 
 def track_names(names: Iterable[str]) -> dict[str, str]:
-    """Return the number at the end of each track's name, or its place where that is not unique."""
+    """Return the number at the end of each track's name, or its position if that is not unique."""
     names = tuple(names)
     numbers = [_number(name) for name in names]
     if all(numbers) and len(set(numbers)) == len(numbers):
@@ -93,7 +93,7 @@ def track_names(names: Iterable[str]) -> dict[str, str]:
 
 
 class Reliance:
-    """Judges the reports of one picture; older than `stale_s` seconds counts as unknown."""
+    """The reliability of the reports of one picture; `stale_s` is the age limit in seconds."""
 
     def __init__(self, picture: Picture, stale_s: float) -> None:
         self._now_s, self._stale_s = picture.time_s, stale_s
@@ -104,7 +104,7 @@ class Reliance:
         return max(self._now_s - item.stamp_s, 0.0)
 
     def report(self, asset: AssetTelemetry) -> str:
-        """Return suspect, silent, stale or fresh."""
+        """Return the condition of a report: suspect, silent, stale or fresh."""
         if asset.integrity == "suspect":
             return "suspect"
         if asset.comms == "lost":
@@ -112,7 +112,7 @@ class Reliance:
         return "stale" if asset.stale or self.age(asset) > self._stale_s else "fresh"
 
     def asset(self, asset: AssetTelemetry) -> Term:
-        """Return the status to show; an unreliable report overrides its content."""
+        """Return the status to show; for an unreliable report, it is the report's condition."""
         state = self.report(asset)
         if asset.status == "failed":
             return term("asset", "failed")
@@ -128,7 +128,7 @@ class Reliance:
         return mark
 
     def rank(self, asset: AssetTelemetry) -> int:
-        """Return how urgent an asset is; the most urgent is 0."""
+        """Return the urgency of an asset; 0 is the most urgent."""
         state = self.report(asset)
         down = not (asset.available or asset.manual)
         if asset.status == "failed" or (state == "fresh" and down):
@@ -142,20 +142,20 @@ class Reliance:
         return FINE if (asset.status, asset.comms) == ("ok", "ok") else 5
 
     def lost(self, track: Track) -> bool:
-        """Return whether a track's last detection is too old to rely on its place."""
+        """Return whether a track's last detection is too old for its position to be reliable."""
         return track.stale or self.age(track) > self._stale_s
 
     def camera(self, camera: CameraReport) -> str:
-        """Return works, failed or unknown."""
+        """Return the state of a camera: works, failed or unknown."""
         if not camera.works:
             return "failed"
         return "unknown" if self.age(camera) > self._stale_s else "works"
 
 
 def track_rank(track: Track) -> tuple[int, float]:
-    """Return how urgent a track is: hostile, defiant, unidentified, then by distance.
+    """Return the urgency of a track: hostile, defiant, unidentified, then by distance.
 
-    WF-04 has threat and proximity go first.
+    Rule WF-04 puts threat and proximity first.
     """
     if track.intent == "hostile":
         return 0, track.distance_m
@@ -165,5 +165,5 @@ def track_rank(track: Track) -> tuple[int, float]:
 
 
 def cover_state(cover: GateCover) -> str:
-    """Return covered, uncovered or unknown."""
+    """Return the state of a gate's cover: covered, uncovered or unknown."""
     return "covered" if cover.covered else "unknown" if cover.unknown else "uncovered"

@@ -1,4 +1,4 @@
-"""The surroundings of the console: its clock, its station and rules, a session that it joined."""
+"""The environment of the console: its clock, station and rules, and the session it has joined."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ if TYPE_CHECKING:
     from pa_console.station.station import ControlStation
 
 LiveStation: TypeAlias = "ControlStation | JoinedStation"
-"""A live session: its events, and the commands that may be given to it."""
+"""A live session on this machine or another, with its events and its commands."""
 
 SecondsClock = Callable[[], float]
-"""Seconds that only grow; replaced in tests so that no test has to wait."""
+"""A monotonic clock in seconds; tests replace it so that they do not have to wait."""
 
 
 @dataclass(frozen=True)
 class JoinedTo:
     """Another station's session: its name, and the person who may countersign here, or ''.
 
-    `command_question` describes the effects of taking command; it raises ValueError if that is
-    impossible. It is None for anyone but a commander.
+    `command_question` returns a question with the effects of taking command; it raises ValueError
+    if that is impossible. It is None unless the person is a commander.
     """
 
     station: str
@@ -32,7 +32,7 @@ class JoinedTo:
 
 
 class InForce(NamedTuple):
-    """A rule set as the console sees it."""
+    """The part of a rule set that the console shows."""
 
     name: str
     seal: RulesSeal
@@ -41,4 +41,4 @@ class InForce(NamedTuple):
 
 
 ShownRules = Rulebook | InForce
-"""The rules in force, at the start of the console or since a change."""
+"""The rules in force: those at the start of the console, or those after a change."""

@@ -1,4 +1,4 @@
-"""The terminal around the console: when it is gone, and the user's own editor in it."""
+"""The console's terminal: notice of a hang-up, and the user's own editor in the terminal."""
 
 import asyncio
 import os
@@ -23,9 +23,9 @@ NO_EDITOR = "set VISUAL or EDITOR to the command of your editor"
 
 
 def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
-    """Call `do` from a thread of its own once the other end of the file `terminal` is gone.
+    """Call `do` from a separate thread once the other end of the file `terminal` is closed.
 
-    SIGHUP comes from a controlling terminal only. Keys typed meanwhile are left to others.
+    SIGHUP is not enough, because only a controlling terminal sends it. The thread reads no keys.
     """
     watch = select.poll()
     watch.register(terminal, 0)  # hang-ups and errors are always reported
@@ -38,9 +38,9 @@ def when_hung_up(terminal: int, do: Callable[[], None]) -> None:
 
 
 def editor_command() -> list[str]:
-    """Return the user's editor as words, its program by whole path.
+    """Return the words of the user's editor command, with its program as an absolute path.
 
-    Raises ValueError when there is none.
+    Raises ValueError if there is no editor.
     """
     given = os.environ.get("VISUAL") or os.environ.get("EDITOR") or "vi"
     try:
@@ -54,11 +54,11 @@ def editor_command() -> list[str]:
 
 
 async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> str:
-    """Give the terminal to the editor `command` with `text`; return what it was saved as.
+    """Open `text` in the editor `command` on the console's terminal; return the saved text.
 
-    The editor starts in the folder of its file, so it obeys no settings (`.exrc`) of another one.
-    The event loop goes on, so that a session does not stand still. Raises ValueError when the
-    editor fails or the terminal cannot be given away.
+    The editor starts in the folder of its file, so that it reads no settings (`.exrc`) from another
+    folder. The event loop keeps running, so that a session continues. Raises ValueError if the
+    editor fails or the terminal cannot be handed over.
     """
     with tempfile.TemporaryDirectory(prefix="pa-console-") as folder:
         file = Path(folder, "rule.yaml")
@@ -93,4 +93,4 @@ def _keyboard_interrupts_left_to_the_editor() -> Generator[None]:
 
 
 def _nothing(_number: int, _frame: FrameType | None) -> None:
-    """Let an interrupt pass; a program that is started then has its own way with it."""
+    """Ignore an interrupt; a child process does not inherit this handler, as it would SIG_IGN."""

@@ -1,6 +1,6 @@
-"""The console's own dark and light colours, and the contrast that makes every theme readable.
+"""The console's dark and light themes, and the contrast that makes every theme readable.
 
-All of Textual's themes can be chosen beside them.
+Textual's own themes can be chosen too.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ VARIABLES = {
         ("on-primary", "on-success", "on-warning", "on-error", "on-accent", "on-quiet"), "#000000"
     ),
 }
-"""Colours for the themes that do not bring their own, before `contrast` makes them readable."""
+"""Colours for themes that do not define them, before `readable` adjusts their contrast."""
 
 THEMES = (
     Theme(
@@ -72,22 +72,22 @@ THEMES = (
 
 
 LEAST = 4.5
-"""The least ratio of the luminances of text and background, WCAG 2 AA."""
+"""The least contrast ratio of text and background, from WCAG 2 AA."""
 
 TEXTS = (
     "foreground", "text-primary", "text-success", "text-warning", "text-error", "text-accent",
     "quiet",
 )  # fmt: skip
-"""The colours that text has."""
+"""The names of the text colours."""
 
 GROUNDS = ("background", "surface", "panel")
-"""The backgrounds of text."""
+"""The names of the backgrounds of text."""
 
 BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
-"""Fills behind a sign in the text colour of the same name, with how much of it is in them."""
+"""The fills behind a sign in the text colour of the same name, and that colour's share in each."""
 
 FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
-"""Full fills; a sign on one of them is black or white."""
+"""The solid fills; a sign on one of them is black or white."""
 
 _STEP = 0.04
 _BLACK, _WHITE = Color.parse("#000000"), Color.parse("#ffffff")
@@ -110,7 +110,7 @@ _ANSI = {
         "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_bright_white",
     },
 }  # fmt: skip
-"""Variables of the themes that use the terminal's own colours, by whether they are dark."""
+"""Variables for themes that use the terminal's colours, by whether the theme is dark."""
 
 
 def luminance(colour: Color) -> float:
@@ -123,17 +123,17 @@ def luminance(colour: Color) -> float:
 
 
 def contrast(one: Color, other: Color) -> float:
-    """Return the ratio of the luminances of two colours, 1 to 21."""
+    """Return the contrast ratio of two colours, 1 to 21."""
     darker, lighter = sorted((luminance(one), luminance(other)))
     return (lighter + 0.05) / (darker + 0.05)
 
 
 def readable(variables: Mapping[str, str], *, dark: bool, ansi: bool) -> dict[str, str]:
-    """Return `variables` with texts that can be read on all grounds, and with fills for signs.
+    """Return `variables` with text colours that are readable on all backgrounds, and sign fills.
 
-    A text keeps its hue and moves towards white or black as far as it has to. The sixteen colours
-    of a terminal are not known: the themes that use them (`ansi`) get names that differ on usual
-    palettes.
+    A text colour keeps its hue and moves towards white or black only as far as necessary. The
+    values of a terminal's sixteen colours are unknown, so themes that use them (`ansi`) get names
+    that differ on usual palettes.
     """
     if ansi:
         return {**variables, **_ANSI[dark]}
@@ -158,7 +158,7 @@ def _opaque(name: str) -> tuple[Color, float]:
 
 
 def _readable(text: Color, grounds: Iterable[Color], *, dark: bool) -> Color:
-    """Return `text`, moved towards white on dark grounds and towards black on light ones."""
+    """Return `text`, moved towards white or black until its contrast with `grounds` is enough."""
     end, grounds = (_WHITE if dark else _BLACK), tuple(grounds)
     steps = (text.blend(end, share * _STEP) for share in range(round(1 / _STEP) + 1))
     candidates = chain(steps, (end,))

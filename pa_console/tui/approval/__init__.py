@@ -1,1 +1,1 @@
-"""The panel on which the operator decides about a plan: its rows, fields and other plans."""
+"""The panel for the operator's decision on a plan: its rows, its inputs and other plans."""

@@ -1,4 +1,4 @@
-"""Sound plans side by side: the one that waits, other readings, other ways to do the same."""
+"""Plans side by side: the waiting plan, plans for other readings, and other ways to do the same."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -27,21 +27,22 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 
 MOST_BESIDE = 2
-"""The number of plans beside the waiting one; more are shown only for more readings."""
+"""The most plans beside the waiting one; more are shown only if there are more readings."""
 
 OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
 _LEAD = 10
 
 LIST_CELLS = 100
-"""The width below which plans stand one below the other."""
+"""The width in cells below which the plans are stacked."""
 
 
 @dataclass(frozen=True)
 class ComparedPlan:
-    """A rehearsed plan; `decision` submits it, None for the plan that waits already.
+    """A rehearsed plan in a comparison.
 
-    If no plan waits, `order` is an order for it, empty for the last plan. `judge` and `sure` are
-    the judge's verdict and the confidence, if there are any.
+    `decision` is the decision that chooses the plan; it is None for the waiting plan. If no plan
+    waits, `order` is an order for the plan, or '' for the mission's last plan. `judge` and `sure`
+    are the judge's verdict and the confidence, if there are any.
     """
 
     title: str
@@ -55,7 +56,7 @@ class ComparedPlan:
 
 
 def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> ComparedPlan | None:
-    """Return a plan that came last of a mission; None where it was not rehearsed."""
+    """Return the plan of a mission's last attempt; None if it was not rehearsed."""
     if attempt.plan is None or attempt.rehearsal is None:
         return None
     return ComparedPlan(
@@ -69,7 +70,7 @@ def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Compa
 
 
 def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> ComparedPlan:
-    """Return the plan that waits for a decision."""
+    """Return the plan that waits for a decision, as a plan to compare."""
     request = trace.approval
     attempt = trace.find(request.attempt) if request is not None else None
     broken = (*request.blocked_by, *request.acknowledge) if request is not None else ()
@@ -99,7 +100,7 @@ def said_of(trace: MissionTrace) -> str:
 def other_reading(
     number: int, asked: str, found: RehearsedReading, world: World, request_id: str
 ) -> ComparedPlan:
-    """Return what another reading of the order would lead to."""
+    """Return the plan for another reading of the order."""
     words = plain_reading(asked)
     return ComparedPlan(
         f"(Alt+{number}) another reading",
@@ -113,7 +114,7 @@ def other_reading(
 def other_way(
     number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
 ) -> ComparedPlan:
-    """Return another plan for the same reading; one to be ordered where no request waits."""
+    """Return another plan for the same reading; without a request, it has an order to type."""
     decision = None
     if request_id is not None:
         decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
@@ -132,7 +133,7 @@ def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     preview = candidate.preview
     yield fact("read as", candidate.reading or ("not told", QUIET), width=_LEAD)
     yield from action_rows(preview)
-    yield cover_row(preview) or row(("Guards  ", QUIET), "all gates keep theirs")
+    yield cover_row(preview) or row(("Guards  ", QUIET), "unchanged at every gate")
     yield fact("time", f"{preview.duration_s:.0f} s", width=_LEAD)
     yield fact("battery", _battery(preview), width=_LEAD)
     if candidate.broken:
@@ -157,7 +158,7 @@ def _battery(preview: PlanPreview) -> str:
 
 
 class CandidateColumn(VerticalScroll, can_focus=True):
-    """One plan, scrolled by itself."""
+    """The column of one plan, which scrolls by itself."""
 
     def __init__(self, candidate: ComparedPlan) -> None:
         super().__init__(classes="candidate")
@@ -165,7 +166,7 @@ class CandidateColumn(VerticalScroll, can_focus=True):
         self.border_title = candidate.title
 
     def compose(self) -> ComposeResult:
-        """Yield the facts to compare."""
+        """Yield the rows of the facts to compare."""
         yield TextRows()
 
     def on_mount(self) -> None:
@@ -174,10 +175,10 @@ class CandidateColumn(VerticalScroll, can_focus=True):
 
 
 class PlanComparison(Screen[ComparedPlan | None]):
-    """Plans in columns, on narrow terminals as a list; Enter chooses the one at the pointer.
+    """Plans in columns, or in a list on narrow terminals; Enter chooses the one at the pointer.
 
-    Nothing is approved here: what is chosen is checked, judged and put to the operator like any
-    other plan. It is left with the plan that was chosen, with None for none.
+    The screen approves nothing: the chosen plan is checked, judged and proposed to the operator
+    like any other plan. The result is the chosen plan, or None.
     """
 
     BINDINGS = [
@@ -186,7 +187,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         Binding("left,up", "point(-1)", "Before", show=False),
         Binding("right,down", "point(1)", "Next", show=False),
         *(
-            Binding(f"{key},{alias}", f"point_at({n})", "Point at it", show=False)
+            Binding(f"{key},{alias}", f"point_at({n})", "Select this plan", show=False)
             for n, (key, alias) in enumerate(zip(READING_KEYS, ALT_DIGITS, strict=True), start=1)
         ),
     ]
@@ -197,15 +198,15 @@ class PlanComparison(Screen[ComparedPlan | None]):
         begin: "Callable[[PlanComparison], object]",
         ended: Callable[[], object],
     ) -> None:
-        """Begin with the plan that waits, or was the last one.
+        """Show `first`, the waiting plan or the last plan of a mission.
 
-        `begin` is called once others can be added, and `ended` when the screen is left.
+        `begin` is called when other plans can be added, and `ended` when the screen is left.
         """
         super().__init__()
         self._first, self._begin, self._ended = first, begin, ended
 
     def compose(self) -> ComposeResult:
-        """Yield the title, the columns and the present search."""
+        """Yield the title, the columns, the state of the search and the footer."""
         yield Static(id="comparison-title", markup=False)
         with Horizontal(id="comparison-plans"):
             yield CandidateColumn(self._first)
@@ -214,21 +215,21 @@ class PlanComparison(Screen[ComparedPlan | None]):
 
     @property
     def columns(self) -> list[CandidateColumn]:
-        """The plans, the present one first."""
+        """The columns of the plans; the first plan's column comes first."""
         return list(self.query(CandidateColumn).results(CandidateColumn))
 
     def on_mount(self) -> None:
-        """Point at the first plan."""
+        """Point at the first plan, and begin the search for others."""
         self.columns[0].focus()
         self.tell("looking for other plans; Esc ends that")
         self._begin(self)
 
     def on_unmount(self) -> None:
-        """Look for nothing any more."""
+        """End the search for other plans."""
         self._ended()
 
     def on_resize(self, event: events.Resize) -> None:
-        """Stand side by side where there is room."""
+        """Show the plans side by side if there is room."""
         self.set_class(event.size.width < LIST_CELLS, "-list")
 
     def add(self, candidate: ComparedPlan) -> None:
@@ -236,13 +237,13 @@ class PlanComparison(Screen[ComparedPlan | None]):
         self.query_one("#comparison-plans", Horizontal).mount(CandidateColumn(candidate))
 
     def tell(self, text: str) -> None:
-        """Show the present search, or that there is none."""
+        """Show the state of the search, and the number of plans."""
         self.query_one("#comparison-note", Static).update(Content(f" {text}"))
         title = f" PLANS SIDE BY SIDE  {count(len(self.columns), 'plan')}"
         self.query_one("#comparison-title", Static).update(Content(title))
 
     def action_point(self, by: int) -> None:
-        """Point at the plan before or after."""
+        """Point at the previous or the next plan."""
         columns = self.columns
         self._point((self._pointed(columns) + by) % len(columns))
 
@@ -258,7 +259,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         return next((n for n, each in enumerate(columns) if each.has_focus), 0)
 
     def action_choose(self) -> None:
-        """Choose the plan at the pointer; the one that waits is gone back to."""
+        """Return the plan at the pointer; the waiting plan stays as it is."""
         columns = self.columns
         self.dismiss(columns[self._pointed(columns)].candidate)
 

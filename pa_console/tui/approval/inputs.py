@@ -1,4 +1,4 @@
-"""The inputs for a decision, the decision that each makes, and the reason against Approve."""
+"""The inputs of the approval panel, their decisions, and the reason why Approve is disabled."""
 
 from collections.abc import Iterable, Sequence
 
@@ -17,13 +17,13 @@ from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
-"""The button that each of the panel's letters goes to; Enter presses it."""
+"""The button that each letter key of the panel selects; Enter presses it."""
 
 REASON = "approval-reason"
 
 
 class DecisionButtons(Horizontal):
-    """Reject, Modify, and Approve, which signs a plan of another station where one was joined."""
+    """The buttons Reject, Modify and Approve; in a joined session, Approve is Countersign."""
 
     def __init__(self, *, joined: bool) -> None:
         super().__init__(id="approval-buttons")
@@ -36,17 +36,17 @@ class DecisionButtons(Horizontal):
         yield Button(self._approve, id="approve", variant="success", compact=True)
 
     def of(self, name: str) -> Button:
-        """Return the button that `DECISION_KEYS` calls by this name."""
+        """Return the button that `DECISION_KEYS` names."""
         return self.query_one(f"#{name}", Button)
 
 
 def is_free(key: str) -> bool:
-    """Return whether a key decides nothing at any focus, so that it need not wait."""
+    """Return whether a key never decides anything, so that it works before the panel is armed."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())
 
 
 class MeaningButton(Button):
-    """Something that the order may mean: another reading, or an answer to what is asked back."""
+    """A button for a meaning of the order: another reading, or an answer to a question about it."""
 
     def __init__(self, number: int, asked: str, *, answers: bool) -> None:
         super().__init__(reading_label(number, asked), compact=True)
@@ -54,25 +54,25 @@ class MeaningButton(Button):
 
 
 def reading_of(widget: Widget | None) -> str:
-    """Return the reading of the order that a button chooses, '' for anything else."""
+    """Return the reading that a button chooses; '' for any other widget."""
     return widget.asked if isinstance(widget, MeaningButton) and not widget.answers else ""
 
 
 class GivenFields(VerticalScroll, can_focus=False):
-    """A button for each thing that the order may mean, and a box for each finding to accept."""
+    """The buttons of the order's possible meanings, and a box for each finding to accept."""
 
     def __init__(self) -> None:
         super().__init__(id="approval-given")
 
     def compose(self) -> ComposeResult:
-        """Yield how the order was read, what else it may mean, and the boxes."""
+        """Yield the reading of the order, its other meanings, and the boxes."""
         yield TextRows(id="approval-reading")
         yield Vertical(id="approval-readings")
         yield TextRows(id="approval-looked-at")
         yield ItemGrid(id="approval-warnings", min_column_width=18)
 
     def ask(self, trace: MissionTrace, request: ApprovalRequested) -> None:
-        """Ask for what this request needs; nothing is ticked yet, and no other reading shown."""
+        """Show the inputs for this request; no box is ticked, and no other reading is shown."""
         self.show_reading(())
         self.query_one("#approval-reading", TextRows).show(tuple(reading_rows(trace)))
         readings = self.query_one("#approval-readings", Vertical)
@@ -90,57 +90,57 @@ class GivenFields(VerticalScroll, can_focus=False):
         )
 
     def show_reading(self, rows: Sequence[WrappedRow]) -> None:
-        """Show what the reading that is looked at would lead to; nothing without rows."""
+        """Show the consequences of the selected reading; without rows, show nothing."""
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 
     @property
     def meanings(self) -> list[MeaningButton]:
-        """The buttons of what the order may mean, in their order."""
+        """The buttons of the possible meanings, in order."""
         return list(self.query(MeaningButton))
 
     @property
     def unticked(self) -> list[CheckBox]:
-        """The boxes that are still to be ticked; each has the rule for its name."""
+        """The boxes that are not ticked yet; the name of each box is its rule."""
         return [box for box in self.query(CheckBox) if not box.ticked]
 
 
 class ReasonField(LineField):
-    """The line under a plan: the reason for a decision, or the answer to what is asked back."""
+    """The line below a plan, for the reason for a decision or for an answer to a question."""
 
     def __init__(self) -> None:
         super().__init__(id=REASON, select_on_focus=False)
 
     def ask(self, request: ApprovalRequested) -> None:
-        """Begin anew, and show the purpose in the empty field."""
+        """Clear the field, and show its purpose there."""
         self.value = ""
         if request.needs_override and not request.blocked_by:
             self.placeholder = "Why override the judge? (required)"
         elif request.state == "not_understood":
-            self.placeholder = "Your answer, Enter sends it"
+            self.placeholder = "Your answer; press Enter to send it"
         else:
             self.placeholder = "Reason (optional)"
 
     @property
     def said(self) -> str:
-        """The written text, without blanks around it."""
+        """The text of the field without surrounding spaces."""
         return self.value.strip()
 
     def add(self, text: str) -> None:
-        """Write on at the end."""
+        """Append `text` at the end."""
         self.cursor_position = len(self.value)
         self.insert_text_at_cursor(text)
 
 
 def may_modify(request: ApprovalRequested) -> bool:
-    """Return whether there is a plan that the operator may change."""
+    """Return whether the request has a plan that the operator may change."""
     return request.standing is None and request.state != "not_understood"
 
 
 def decision_of(request: ApprovalRequested, button: Button, reason: str) -> Decision | None:
-    """Return the decision that a button makes of the request that waits; None for none.
+    """Return the decision that a button makes about the waiting request; None if it makes none.
 
-    An approval accepts and overrides what the request asks for: whether that was given is for the
-    panel to see to.
+    An approval accepts and overrides everything that the request asks for. The panel checks
+    beforehand that the operator has done so.
     """
     if isinstance(button, MeaningButton):
         if button.answers:
@@ -157,7 +157,7 @@ def answering(request: ApprovalRequested, answer: str) -> Decision | None:
 
 
 def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str) -> str:
-    """Return in words why Approve is disabled, empty when it is not."""
+    """Return the reason why Approve is disabled; empty if it is enabled."""
     if request.state == "not_understood":
         return "✘ Approve: not understood, nothing is proposed"
     if request.blocked_by:
@@ -170,7 +170,7 @@ def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str)
 
 
 def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[DecisionMade]) -> str:
-    """Return why there is nothing to sign for another station, empty if there is.
+    """Return the reason why there is nothing to sign for another station; empty if there is.
 
     `made` are the decisions of the mission so far.
     """

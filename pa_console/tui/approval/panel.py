@@ -1,4 +1,4 @@
-"""The operator's decision on a plan: shows its effects, and is safe from stray keys."""
+"""The approval panel, which shows the effects of a plan and guards the decision from stray keys."""
 
 import time
 from dataclasses import dataclass
@@ -39,19 +39,20 @@ from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.still import ReadStill, StillView
 
 ARM_DELAY_S = 0.6
-"""Quiet seconds before the panel takes keys; every key before that is dropped and counts anew.
+"""The seconds without a key after which the panel takes keys; the user may change them.
 
-The user may choose another delay."""
+A key that is pressed earlier is dropped and restarts the delay.
+"""
 
 _TITLE_MARGIN = 4
 
 
 class ApprovalPanel(Vertical, can_focus=True):
-    """Reject, Modify or Approve, or another reading of the order.
+    """The panel to reject, modify or approve a plan, or to choose another reading of the order.
 
-    Decisions leave as messages, the panel itself changes nothing. It has the focus itself where no
-    key may decide: Enter does nothing there, letters do what they do at its buttons. Where nothing
-    is decided, in a recording or a console that only reads, it shows the plan without buttons.
+    The panel posts decisions as messages and changes nothing itself. If no key may decide, the
+    panel itself has the focus: Enter does nothing there, and letters work as they do at its
+    buttons. In a recording or a read-only console, it shows the plan without buttons.
     """
 
     BINDINGS = [
@@ -66,26 +67,26 @@ class ApprovalPanel(Vertical, can_focus=True):
         Binding("space", "play", "Play the rehearsal", show=False),
         Binding("alt+c", "compare", "Plans side by side", show=False, priority=True),
         Binding("pagedown", "scroll_plan(1)", "Rest of the plan", show=False),
-        Binding("pageup", "scroll_plan(-1)", "Back in the plan", show=False),
+        Binding("pageup", "scroll_plan(-1)", "Previous part of the plan", show=False),
         Binding("tab", "cycle(1)", "Next field", show=False),
-        Binding("shift+tab", "cycle(-1)", "Field before", show=False),
+        Binding("shift+tab", "cycle(-1)", "Previous field", show=False),
     ]
 
     @dataclass
     class Decided(Message):
-        """The operator decided."""
+        """Posted when the operator decides."""
 
         decision: Decision
 
     @dataclass
     class Asked(Message):
-        """The operator wants to change the plan, to see others beside it, or its rehearsal."""
+        """Posted when the operator asks to change the plan, compare plans or play a rehearsal."""
 
         what: Literal["modify", "compare", "play"]
 
     @dataclass
     class LookedAt(Message):
-        """The operator looks at another reading of the order, or with '' at the plan again."""
+        """Posted when the operator looks at another reading, or with '' at the plan again."""
 
         asked: str
 
@@ -97,7 +98,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         joined: JoinedTo | None = None,
         read_still: ReadStill = lambda _: None,
     ) -> None:
-        """Countersign plans if another station's session was `joined`; decide otherwise.
+        """Build a panel that countersigns plans of a `joined` session, or else decides.
 
         `read_still` returns the file of a camera's picture.
         """
@@ -109,7 +110,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._still = StillView(read_still)
         self._reason, self._buttons = ReasonField(), DecisionButtons(joined=joined is not None)
         self.arm_delay_s = ARM_DELAY_S
-        """Quiet seconds before the panel takes keys."""
+        """The seconds without a key after which the panel takes keys."""
         self._clock, self._quiet_since = clock, 0.0
         self._sent = False
         """True if a decision about the shown plan was sent."""
@@ -117,25 +118,25 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._shown: tuple[object, ...] | None = None
         self._age = "", ""
         self._foreseen = "", ""
-        """The id of a request for a timed order, and how it would be planned now."""
+        """The id of a request for a timed order, and how the order would be planned now."""
         self._width = 0
         self._looked_at = ""
         self._playing = False
 
     def compose(self) -> ComposeResult:
-        """Yield a camera's picture, the consequences, what must be given, and the buttons."""
+        """Yield the camera picture, the plan, the inputs and the buttons."""
         yield from (self._still, self._body, self._given_fields, self._reason, self._buttons)
 
     def on_mount(self) -> None:
-        """Hide until a plan waits."""
+        """Hide the panel until a plan waits."""
         self.watch(self._body, "scroll_y", self.refresh_state, init=False)
         self.watch(self._body, "virtual_size", self.refresh_state, init=False)
         self.display = False
 
     def show(self, trace: MissionTrace | None, preview: PlanPreview | None = None) -> bool:
-        """Show the open request of `trace`, or hide; returns whether a new one has appeared.
+        """Show the open request of `trace`, or hide; return whether a new request has appeared.
 
-        `preview` is its plan as the rehearsal has shown it.
+        `preview` is the preview of its rehearsed plan.
         """
         request = trace.approval if trace is not None else None
         if trace is None or request is None:
@@ -164,13 +165,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         return True
 
     def _tell(self, trace: MissionTrace, preview: PlanPreview | None) -> None:
-        """Show the facts; meanwhile a workflow may have moved on."""
+        """Show the facts again; some may have changed, for example the phase of a workflow."""
         request_id, foreseen = self._foreseen
         asked = trace.approval.request_id if trace.approval is not None else ""
         self._body.tell(
             tuple(approval_rows(trace, preview, foreseen if asked == request_id else ""))
         )
-        if self._still.show(trace.still):  # what a key would do has moved
+        if self._still.show(trace.still):  # the lines and what a key does have changed
             self.set_class(self._still.has_room, "-pictured")
             self._body.begin_anew()
             self.disarm()
@@ -183,7 +184,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._tell(self._trace, None)
 
     def tell_age(self, now_s: float) -> None:
-        """Show in the title how old the plan is at a moment of the session's clock."""
+        """Show the age of the plan, at a moment of the session's clock, in the title."""
         self._still.tell_age(now_s)
         age = age_words(self._trace, now_s) if self._trace is not None else ("", "")
         if age != self._age:
@@ -191,7 +192,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._tell_state()
 
     def show_moment(self, preview: PlanPreview | None, now_s: float | None) -> None:
-        """Show the schedule of the plan that is looked at; `now_s` while it is played."""
+        """Show the schedule of the selected plan; `now_s` is the moment of a playback."""
         self._body.schedule(preview, now_s)
         if self._playing != (now_s is not None):
             self._playing = now_s is not None
@@ -204,14 +205,14 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def _recall(self) -> None:
-        """Count the lines that were on screen before a rehearsal was played."""
+        """Restore the count of lines that were read before a rehearsal was played."""
         self._body.recall()
         self.refresh_state()
 
     def show_reading(
         self, asked: str, preview: PlanPreview | None, faults: tuple[str, ...] = ()
     ) -> None:
-        """Show what the reading that was `asked` for would lead to; None: that is not known."""
+        """Show the consequences of the reading `asked`; they are unknown if `preview` is None."""
         self._given_fields.show_reading(tuple(looked_at_rows(preview, faults)) if asked else ())
         self.call_after_refresh(self.fit)
 
@@ -221,7 +222,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         return self._trace.approval if self._trace is not None else None
 
     def on_resize(self, event: events.Resize) -> None:
-        """Count the lines on screen anew if another width has changed them."""
+        """Restart the count of read lines if a new width has changed the lines."""
         if event.size.width != self._width:
             self._width = event.size.width
             self._body.begin_anew()
@@ -229,7 +230,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.call_after_refresh(self.refresh_state)
 
     def fit(self) -> None:
-        """Give the plan the rows that the buttons and inputs leave it."""
+        """Give the plan the rows that the buttons and inputs do not take."""
         others = [
             child
             for child in self.children
@@ -244,33 +245,33 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.call_after_refresh(self.refresh_state)
 
     def action_scroll_plan(self, pages: int) -> None:
-        """Show what follows of the plan, or what comes before."""
+        """Scroll the plan by a number of pages."""
         self.refresh_state()
         self._body.scroll_pages(pages)
 
     def take_focus(self) -> None:
-        """Put the focus on Reject, the safe answer; where there is none, on the panel itself."""
+        """Focus Reject, the safe answer; in a joined session, focus the panel itself."""
         safe = self if self._joined is not None else self._buttons.of("reject")
         safe.focus()
 
     @property
     def armed(self) -> bool:
-        """True if the panel accepts decisions: after a quiet moment, and until one is sent.
+        """True if the panel accepts decisions: after a quiet moment, and until a decision is sent.
 
-        So a key meant for another purpose decides nothing.
+        A key meant for another purpose therefore decides nothing.
         """
         return not self._sent and self._clock() - self._quiet_since >= self.arm_delay_s
 
     def disarm(self) -> None:
-        """Wait anew for a quiet moment, for a new plan or a key that came too early."""
+        """Wait for another quiet moment, because a plan is new or a key came too early."""
         self._quiet_since = self._clock()
         self.set_timer(self.arm_delay_s + 0.05, self.refresh_state)
         self.refresh_state()
 
     def refresh_state(self) -> None:
-        """Show why Approve is not possible, and enable it when it is.
+        """Enable Approve, or show why it is not possible.
 
-        Lines that are seen before the panel takes keys do not count: they may not be laid out yet.
+        Lines seen before the panel takes keys do not count, because they may not be laid out yet.
         """
         if self._trace is None:
             return
@@ -292,14 +293,14 @@ class ApprovalPanel(Vertical, can_focus=True):
         """Return the effect of the next key, if the focus alone does not show it."""
         joined = self._joined is not None
         if self.has_focus:
-            return "a goes to Countersign" if joined else "r, m or a goes to a button"
+            return "a selects Countersign" if joined else "r, m or a selects a button"
         if self._buttons.of("approve").has_focus:
-            return "Enter signs it" if joined else "Enter approves, r goes back to Reject"
+            return "Enter signs it" if joined else "Enter approves, r selects Reject"
         plays = self._request is not None and self._request.standing is None
         return "Space plays it, Alt+C compares plans" if plays and self.has_focus_within else ""
 
     def _meaning_key(self) -> str:
-        """Return the effect of Enter on what the order may mean, '' where that has no focus."""
+        """Return the effect of Enter on the focused meaning of the order; '' if none is focused."""
         focused = self.screen.focused
         if not isinstance(focused, MeaningButton):
             return ""
@@ -308,9 +309,10 @@ class ApprovalPanel(Vertical, can_focus=True):
         return "Enter takes this reading, Esc goes back to the plan"
 
     def on_descendant_focus(self) -> None:
-        """Leave a reading whose button has lost the focus, and show the effect of the next key.
+        """Hide a reading when its button loses the focus, and show the effect of the next key.
 
-        A button that the mouse presses stays in place: its consequence is not shown then.
+        A button that is pressed with the mouse must stay in place, so its consequences are not
+        shown.
         """
         focused = self.screen.focused
         if focused is None or reading_of(focused) != self._looked_at:
@@ -319,7 +321,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def looks_at_reading(self) -> bool:
-        """True if the shown reading is not the plan's own."""
+        """True if the panel shows another reading than the plan's own."""
         return bool(self._looked_at)
 
     def _look(self, asked: str) -> None:
@@ -330,13 +332,13 @@ class ApprovalPanel(Vertical, can_focus=True):
     @on(events.DescendantBlur)
     @on(events.Focus)
     def _focus_moved(self) -> None:
-        """Show the effect of the next key; away from here no reading is looked at."""
+        """Show the effect of the next key; without the focus, the panel shows no other reading."""
         if not self.has_focus_within:
             self._look("")
         self.refresh_state()
 
     def _tell_state(self) -> None:
-        """Show the most important fact in the title and by the colour of the frame."""
+        """Show the state of the request in the title and in the colour of the frame."""
         request = self._request
         if request is None:  # decided: the panel closes with the next frame
             return
@@ -350,7 +352,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._buttons.of("modify").disabled = not may_modify(request)
 
     def _why_not(self) -> str:
-        """Return why Approve is not admissible, apart from the arm delay."""
+        """Return the reason why Approve is not allowed, apart from the arm delay; '' if it is."""
         request = self._request
         if request is None:
             return "no plan waits"
@@ -364,14 +366,14 @@ class ApprovalPanel(Vertical, can_focus=True):
         return "✘ Approve: read to the end first (PgDn)" if unread else ""
 
     def on_key(self, event: events.Key) -> None:
-        """Drop keys typed ahead; each makes the panel wait anew."""
+        """Drop keys that are typed before the panel is armed; each restarts the delay."""
         if not self.armed and not is_free(event.key) and not isinstance(self.app.focused, Input):
             event.stop()
             event.prevent_default()
             self.disarm()
 
     def action_cycle(self, step: int) -> None:
-        """Go from field to field of this panel and round again; Esc leaves it."""
+        """Focus the next or the previous field of this panel, in a circle; Esc leaves the panel."""
         chain = [each for each in self.screen.focus_chain if self in each.ancestors]
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
@@ -379,14 +381,15 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._focus_and_look(chain[(at + step) % len(chain)])
 
     def _focus_and_look(self, widget: Widget) -> None:
-        """Go to a field of the panel; a reading is shown."""
+        """Focus a field of the panel; if it is the button of a reading, show the reading."""
         self.screen.set_focus(widget)
         self._look(reading_of(widget))
 
     def action_go_to(self, button: str) -> None:
-        """Go to a button, which Enter presses; to what Approve still needs, where it needs it.
+        """Focus a button, which Enter presses, or the input that Approve still needs.
 
-        Where it cannot be pressed the panel itself has the focus, so that Enter presses no other.
+        If the button cannot be pressed, focus the panel itself, so that Enter presses no other
+        button.
         """
         request = self._request
         if request is None or not self.armed:
@@ -397,7 +400,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
-        """Return the widget for the missing condition of Approve; this one if there is none."""
+        """Return the widget for the missing condition of Approve, or the panel if there is none."""
         unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self
@@ -409,10 +412,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         return self
 
     def action_look_at(self, number: int) -> None:
-        """Go to another reading of the order and show it; Enter chooses it there.
-
-        So it is with the answers to what is asked back.
-        """
+        """Focus and show another reading of the order, or focus an answer; Enter chooses it."""
         if not self.armed:
             self.disarm()
             return
@@ -420,7 +420,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._focus_and_look(button)
 
     def action_play(self) -> None:
-        """Play the rehearsal of the plan on show on the map, or stop it."""
+        """Play the rehearsal of the shown plan on the map, or stop the playback."""
         if self.armed:
             self.post_message(self.Asked("play"))
 
@@ -432,12 +432,12 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.disarm()
 
     def end_text(self) -> None:
-        """Drop the Enter at the end of a text; one that follows it presses no button either."""
+        """Focus the panel at the end of a text, so that another Enter presses no button."""
         self.screen.set_focus(self)
         self.disarm()
 
     def write_reason(self, text: str) -> None:
-        """Move to the reason and add the text typed at the buttons."""
+        """Focus the reason field, and append the text typed at the buttons."""
         self.screen.set_focus(self._reason)
         self._reason.add(text)
 
@@ -461,7 +461,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter leads out of the reason, or sends the answer; another Enter decides nothing."""
+        """Send the answer, if any, and focus the panel, where another Enter decides nothing."""
         event.stop()
         if event.value.strip():
             self._answer(event.value.strip())
@@ -479,7 +479,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self._send(decision_of(request, button, self._reason.said))
 
     def _answer(self, answer: str) -> None:
-        """Answer a question about the order; does nothing if a plan waits."""
+        """Send an answer to a question about the order; do nothing if a plan waits."""
         request = self._request
         if request is not None and self.armed:
             self._send(answering(request, answer))
@@ -492,6 +492,6 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.post_message(self.Decided(decision))
 
     def refused(self) -> None:
-        """Take decisions again after the last one could not be delivered."""
+        """Accept decisions again after the last one could not be delivered."""
         self._sent = False
         self.disarm()

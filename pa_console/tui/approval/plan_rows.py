@@ -1,8 +1,8 @@
 """The rows of the approval panel: order, actions, consequences, rules, judge, confidence.
 
-The doubt about the reading comes before the consequences. An action has a row with its agent,
-places, duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`. Equal
-actions share a row.
+A doubt about the reading comes before the consequences. The row of an action has its agent, places,
+duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`. Equal actions
+share a row.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -34,12 +34,12 @@ from pa_console.views.event_words import (
 )
 
 YOUNG_S = 10.0
-"""The age of a plan from which on it is shown, seconds."""
+"""The least age of a plan that is shown, seconds."""
 
 
 @dataclass(frozen=True)
 class _ActionGroup:
-    """The common part of equal actions."""
+    """The description that equal actions share."""
 
     kind: str
     way: str
@@ -48,7 +48,7 @@ class _ActionGroup:
 
 
 def action_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
-    """Yield a row for each action of a rehearsed plan, one for all that are equal."""
+    """Yield a row for each action of a rehearsed plan; equal actions share a row."""
     groups: dict[_ActionGroup, list[Action]] = {}
     for action in preview.plan.actions:
         groups.setdefault(_deed(action, preview), []).append(action)
@@ -57,7 +57,7 @@ def action_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
 
 
 def step_rows(preview: PlanPreview) -> Iterator[WrappedRow]:
-    """Yield a row for each line of a plan in steps, then the gates whose guards change."""
+    """Yield a row for each line of a plan in steps, then its duration and changes of guards."""
     for line in step_lines(preview.plan):
         when: list[Part] = [(line.when, NOTE)] if line.when else []
         lead = f"{line.numbers}  {line.agent}  "
@@ -103,7 +103,7 @@ def unrehearsed_row(action: Action) -> WrappedRow:
 
 
 def cover_row(preview: PlanPreview) -> WrappedRow | None:
-    """Return which gates gain or lose guards, None where all keep theirs."""
+    """Return a row with the gates that gain or lose guards; None if there are none."""
     phrases: list[Part] = []
     for gate, change in preview.cover_changes.items():
         words = f"{place_words(gate)} {change.before} → {change.after}"
@@ -163,7 +163,7 @@ def _seconds(names: Sequence[str], preview: PlanPreview) -> str:
 
 
 def _battery(names: Sequence[str], preview: PlanPreview) -> str:
-    """Return the charge before and at its least meanwhile; of several the least of each."""
+    """Return the least charge of the agents before the plan and their least charge during it."""
     lines, assets = preview.rehearsal.timeline.assets, preview.before.assets
     before = [assets[name].battery_pct for name in names if name in assets]
     least = [lines[name].least_battery_pct for name in names if name in lines]
@@ -184,10 +184,10 @@ def _unfinished(names: Sequence[str], preview: PlanPreview) -> Iterator[str]:
 def approval_rows(
     trace: MissionTrace, preview: PlanPreview | None = None, foreseen: str = ""
 ) -> Iterator[WrappedRow]:
-    """Yield all facts of the waiting plan; none without one.
+    """Yield all facts about the waiting plan; none if no plan waits.
 
-    `preview` is its rehearsed plan, None without a rehearsal; `foreseen` is the present plan for a
-    timed order.
+    `preview` is its rehearsed plan, None without a rehearsal. `foreseen` describes the plan that a
+    timed order would have now.
     """
     request = trace.approval
     if request is None:
@@ -226,7 +226,7 @@ def approval_rows(
 
 
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
-    """Yield the words of the order as they were typed, and what they were read as."""
+    """Yield the order as it was typed, and its reading."""
     mission, attempt = trace.mission, trace.find(request.attempt)
     who = {
         "operator": "typed  ",
@@ -255,7 +255,7 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
 
 
 def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
-    """Yield an order as it was typed; after each word that is read otherwise, how."""
+    """Yield an order as it was typed; a word that was read differently has its reading after it."""
     typed, read = mission.said.split(), mission.text.split()
     if len(typed) != len(read):
         yield mission.said
@@ -275,7 +275,7 @@ def _because(unmet: str) -> str:
 
 
 def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
-    """Yield who has approved the plan so far, and that it takes more."""
+    """Yield the people who have approved the plan so far, and whether more have to."""
     made = [each for each in trace.decisions if each.attempt == request.attempt]
     signers = dict.fromkeys(name for each in made for name in each.decision.signatures)
     if not signers:
@@ -288,7 +288,7 @@ def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[Wrapped
 
 
 def _phase(trace: MissionTrace, attempt: Attempt | None) -> Iterator[WrappedRow]:
-    """Yield for which phase of a workflow the plan is, and that it has moved on since."""
+    """Yield the workflow phase that the plan is for, and whether that phase has changed."""
     planned = attempt.phase if attempt else ""
     now = next((m for m in trace.standings.values() if 0 <= m.phase < len(m.phases)), None)
     if now is not None:
@@ -342,7 +342,7 @@ def _judge(attempt: Attempt | None, request: ApprovalRequested) -> WrappedRow:
 
 
 def objection(feedback: str) -> str:
-    """Return a judge's feedback in plain words: what was asked, what is planned, what is wrong."""
+    """Return a judge's feedback in plain words: the order, the plan, and the fault."""
     asked, planned, rest = feedback.partition(PLANNED)
     if not planned:
         return feedback
@@ -371,7 +371,7 @@ def _message(trace: MissionTrace, rule_id: str) -> str:
 
 
 def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
-    """Yield what the order was read as, where it may mean something else."""
+    """Yield the reading of an order that may mean something else."""
     request = trace.approval
     if request is None or not request.readings:
         return
@@ -396,19 +396,19 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
         yield changed
     for fault in faults:
         yield row(("✘ ", BAD), (fault, BAD))
-    yield row("  ", ("Who goes may change once you choose it.", QUIET))
+    yield row("  ", ("Other assets may go once you choose this reading.", QUIET))
 
 
 def reading_label(number: int, asked: str) -> Content:
-    """Return what else the order may mean, after the key that shows it."""
+    """Return the label of a possible meaning of the order, after the key that shows it."""
     or_ = "or: " if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
 
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
-    """Yield all facts of a standing order before its approval.
+    """Yield all facts about a standing order before its approval.
 
-    `foreseen` is the present plan for its order, '' if that is unknown.
+    `foreseen` describes the plan that the order would have now, '' if that is unknown.
     """
     if read.order.once and read.moments:
         yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),
@@ -427,13 +427,13 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
         about = f"{start.subject}: " * bool(start.subject)
         yield fact("now", (about, "bold"), (start.order, WARN))
     if not read.now and read.order.condition:
-        yield fact("now", "it would start nothing: the condition holds of nobody")
+        yield fact("now", "it would start nothing: nothing meets the condition")
 
 
 def order_rows(
     order: StandingOrder, allowed: Collection[str] | None = None
 ) -> Iterator[WrappedRow]:
-    """Yield an order's condition, in words and as CEL, its missions and its approvals."""
+    """Yield a standing order's condition in words and as CEL, its missions and its approvals."""
     if order.ban is not None:
         yield fact("ban", (order.order, "bold"))
         return

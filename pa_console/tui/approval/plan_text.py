@@ -1,6 +1,7 @@
-"""The text of a plan in the approval panel, how far it was on screen, and its schedule.
+"""The text of a plan in the approval panel, the count of its lines read, and its schedule.
 
-The schedule is a Gantt chart: who is under way or at work when, who guards a gate.
+The schedule is a Gantt chart: it shows when each agent is under way or at work, and the guards of
+each gate.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,33 +20,33 @@ from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 MOST_LABEL = 12
 LEAST_BARS = 12
-"""The number of columns below which a chart's bars mean nothing."""
+"""The least number of columns of a chart; with fewer, its bars mean nothing."""
 
 MOST_AGENTS = 8
-"""The number of agents with a bar of their own; the schedule of a larger team is that of its
-last."""
+"""The most agents with a bar; in a larger team, these are the agents that arrive last."""
 
 _GOES, _WORKS, _DONE, _FAILS, _NOW = "━", "─", "✔", "✘", "▼"
 _DIGITS = 9
 
 TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
 LEAST_WIDTH = 40
-"""A chart is never narrower."""
+"""The least width of a chart, cells."""
 
 ROWS_ELSEWHERE = 6
-"""The lines of the terminal that are neither map nor panel, about."""
+"""The approximate number of terminal lines that are neither map nor panel."""
 
 WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""The share of the other lines that the panel may take, beside the map and below it."""
+"""The largest share of the other lines for the panel, beside the map and below it."""
 
 LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
 def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
-    """Return the chart, `width` cells wide: a time axis, a bar an agent, a line a gate.
+    """Return the chart, `width` cells wide: a time axis, a bar per agent, a line per gate.
 
-    A bar begins when its agent sets out; it is thick on the way and thin at work. A gate's line
-    shows the number of its guards. With `now_s`, the axis marks that moment.
+    A bar begins when its agent sets out. It is thick while the agent is on its way and thin while
+    it works. A gate's line shows the number of its guards. With `now_s`, the axis marks that
+    moment.
     """
     agents = [a for a in dict.fromkeys(preview.plan.agents) if a in preview.ways]
     agents.sort(key=lambda name: preview.arrival_s(name) or 0.0)
@@ -69,7 +70,7 @@ def _label(text: str, width: int) -> Content:
 
 
 class _Chart:
-    """Maps the seconds of a plan to columns."""
+    """A chart that maps the seconds of a plan to columns."""
 
     def __init__(self, preview: PlanPreview, columns: int) -> None:
         self._preview, self._columns = preview, columns
@@ -82,7 +83,7 @@ class _Chart:
         return (column + 0.5) / self._columns * self._preview.duration_s
 
     def axis(self, now_s: float | None) -> Content:
-        """Return where the plan begins and ends, or what moment it is now."""
+        """Return the time axis: the start and end of the plan, or the moment `now_s`."""
         if now_s is None:
             end = f"{self._preview.duration_s:.0f} s"
             return Content.styled(f"0 s{end:>{self._columns - 3}}", QUIET)
@@ -94,7 +95,7 @@ class _Chart:
         return Content.styled(text.ljust(self._columns), NOTE)
 
     def bar(self, agent: str) -> Content:
-        """Return when an agent goes and works, and at its end whether it was done."""
+        """Return the bar of an agent; the mark at its end shows whether the agent finished."""
         motion, preview = self._preview.rehearsal.motion, self._preview
         ended_s = motion.ended_s.get(agent, preview.duration_s)
         arrived_s = motion.arrived_s.get(agent, ended_s)
@@ -106,7 +107,7 @@ class _Chart:
         return Content.assemble(" " * leaves, *bar, " " * (self._columns - end - 1))
 
     def guards(self, gate: str) -> Content:
-        """Return how many guards a gate has in each column."""
+        """Return the line of a gate, with the number of its guards over time."""
         counts = [
             len(self._preview.guards_at(gate, self._time_s(column)))
             for column in range(self._columns)
@@ -115,7 +116,7 @@ class _Chart:
 
 
 def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
-    """Yield the number of guards where it changes, and a line as long as it stays."""
+    """Yield the number of guards at each change, followed by a line until the next change."""
     for count, columns in groupby(counts):
         length = sum(1 for _ in columns)
         digit = str(count) if count <= _DIGITS else "+"
@@ -124,7 +125,7 @@ def _runs(counts: Sequence[int]) -> Iterator[tuple[str, str]]:
 
 
 class PlanSchedule(Widget):
-    """Shows who does what when; hidden without a plan that was rehearsed."""
+    """The schedule of a rehearsed plan; hidden if there is none."""
 
     DEFAULT_CSS = "PlanSchedule { height: auto; width: 1fr; }"
 
@@ -144,7 +145,7 @@ class PlanSchedule(Widget):
             self.refresh(layout=other)
 
     def lines(self, width: int) -> list[Content]:
-        """Return the lines of the chart, none without a plan."""
+        """Return the lines of the chart; none without a plan."""
         return schedule_lines(self._preview, width, self._now_s) if self._preview else []
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:  # noqa: ARG002
@@ -157,7 +158,7 @@ class PlanSchedule(Widget):
 
 
 def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
-    """Return the most rows of the panel in `terminal` lines, where its other parts have `taken`.
+    """Return the most rows of the panel on `terminal` lines, with `taken` rows for its other parts.
 
     `compact` is True if the panel is below the map and not beside it.
     """
@@ -166,12 +167,12 @@ def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
 
 
 class PlanText(VerticalScroll, can_focus=False):
-    """The lines of a plan and its schedule; it knows how far they have been read."""
+    """The lines of a plan and its schedule, with a count of the lines that were read."""
 
     def __init__(self) -> None:
         super().__init__(id="approval-body")
         self._seen = 0.0
-        """The number of lines that have been on screen, from the first on."""
+        """The number of lines, counted from the first, that have been on screen."""
         self._seen_before_play = 0.0
         self._rows = 0
 
@@ -181,33 +182,33 @@ class PlanText(VerticalScroll, can_focus=False):
         yield PlanSchedule(id="approval-schedule")
 
     def tell(self, rows: Sequence[WrappedRow]) -> None:
-        """Show these lines; what was on screen counts."""
+        """Show these lines; the count of read lines is kept."""
         self.query_one("#approval-text", TextRows).show(tuple(rows))
 
     def schedule(self, preview: PlanPreview | None, now_s: float | None = None) -> None:
-        """Show who does what when; `now_s` while the rehearsal is played."""
+        """Show the schedule of a plan; `now_s` is the moment of a playback."""
         self.query_one("#approval-schedule", PlanSchedule).show(preview, now_s)
 
     def begin(self) -> None:
-        """Go to the first line; nothing has been read."""
+        """Scroll to the first line, and restart the count of read lines."""
         self.scroll_home(animate=False)
         self._seen = 0.0
 
     def begin_anew(self) -> None:
-        """Count anew: the lines are others, or stand elsewhere."""
+        """Restart the count of read lines, because the lines have changed or moved."""
         self._seen = 0.0
 
     def fit(self, rows: int) -> bool:
-        """Take at most that many rows of the screen; returns whether their number has changed."""
+        """Take at most `rows` rows of the screen; return whether their number has changed."""
         if rows == self._rows:
             return False
         self._rows = self.styles.max_height = rows
-        if self.scroll_offset.y == 0:  # nothing has been read on yet
+        if self.scroll_offset.y == 0:  # the operator has not scrolled yet
             self._seen = 0.0
         return True
 
     def note_seen(self) -> None:
-        """Note which lines are on screen, as far as none before them was left out."""
+        """Count the lines on screen as read, unless lines before them were skipped."""
         if self.scroll_offset.y <= self._seen:
             bottom = self.scroll_offset.y + self.scrollable_content_region.height
             self._seen = max(self._seen, bottom)
@@ -218,14 +219,14 @@ class PlanText(VerticalScroll, can_focus=False):
         return 0 < self.query_one("#approval-text").size.height <= self._seen
 
     def keep(self) -> None:
-        """Keep what has been on screen, while a rehearsal is played in its place."""
+        """Store the count of read lines while a rehearsal is played in their place."""
         self._seen_before_play = self._seen
 
     def recall(self) -> None:
-        """Restore the kept count."""
+        """Restore the stored count."""
         self._seen = max(self._seen, self._seen_before_play)
 
     def scroll_pages(self, pages: int) -> None:
-        """Show what follows, or what comes before."""
+        """Scroll by a number of pages."""
         step = max(self.scrollable_content_region.height - 1, 1)
         self.scroll_to(y=self.scroll_offset.y + pages * step, animate=False)

@@ -1,1 +1,1 @@
-"""The operator's actions, one controller a concern; the registry names their controllers."""
+"""The controllers of the operator's actions, one for each concern."""

@@ -1,4 +1,4 @@
-"""Takes decisions on plans and questions at the prompt to the station, and shows the answers."""
+"""Controllers that pass decisions and questions to the station and show its answers."""
 
 from contextlib import suppress
 from typing import Any
@@ -47,13 +47,13 @@ ORDER = "Alt+1 to Alt+3 point at a plan; Enter types an order for it, which you 
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]
-"""Id of a mission and number of an attempt."""
+"""The id of a mission and the number of an attempt."""
 
 LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class ApprovalController:
-    """Decides on the plan that waits; drafts of modified plans are kept while the console runs."""
+    """The decisions on waiting plans; drafts of modified plans last as long as the console."""
 
     def __init__(self, session: ConsoleSession, commands: CommandController) -> None:
         self._session, self._commands = session, commands
@@ -61,10 +61,10 @@ class ApprovalController:
         self._editing: tuple[PlanKey, Screen[Plan | str | None]] | None = None
         self._comparing: tuple[str, PlanComparison] | None = None
         self._foreseen = ""
-        """The last request for a timed order whose plan was looked for."""
+        """The id of the last request with a timed order that was planned ahead."""
 
     def go_to_it(self) -> None:
-        """Go to the plan that waits, from any screen that is not modal."""
+        """Focus the waiting plan, from any screen that is not modal."""
         app, main = self._session.app, self._session.main
         if main is not None:
             while app.screen is not main and not app.screen.is_modal:
@@ -72,7 +72,7 @@ class ApprovalController:
             main.query_one(ApprovalPanel).take_focus()
 
     def decide(self, decision: Decision) -> None:
-        """Pass the decision on; the panel is open again when it was refused."""
+        """Send the decision to the station; if it is refused, the panel accepts decisions again."""
         main = self._session.main
         if (
             not self._commands.attempt("Decision", lambda station: station.decide(decision))
@@ -81,7 +81,7 @@ class ApprovalController:
             main.query_one(ApprovalPanel).refused()
 
     def look_at(self, asked: str) -> None:
-        """Show what another reading of the order would lead to; with '' the plan that waits."""
+        """Show the consequences of another reading of the order; with '', show the waiting plan."""
         self._session.app.run_worker(
             self._look_at(asked), group="reading", exclusive=True, exit_on_error=False
         )
@@ -89,8 +89,8 @@ class ApprovalController:
     def compare(self, question: Question | None = None) -> bool:
         """Show other plans beside the waiting one, as they are found.
 
-        If a `question` asks for them, they are its answer, and if no plan waits, they stand beside
-        the last one. Returns whether there is a plan to be compared.
+        With a `question`, the other plans are its answer; if no plan waits, they are shown beside
+        the last one. Returns whether there is a plan to compare.
         """
         session, trace = self._session, self._session.state.current
         request = trace.approval if trace is not None else None
@@ -120,7 +120,7 @@ class ApprovalController:
         return True
 
     def _chosen(self, candidate: ComparedPlan | None) -> None:
-        """Put a plan forward that was chosen; where nothing waits, its order is only typed."""
+        """Submit the chosen plan; if no plan waits, only type the order for it."""
         if candidate is None:
             return
         if candidate.decision is not None:
@@ -195,7 +195,7 @@ class ApprovalController:
         main.look_at(asked, plan, found.faults)
 
     def modify(self, *, as_json: bool = False) -> None:
-        """Open the form on the waiting plan, or on the draft that was left; JSON on demand."""
+        """Open the form for the waiting plan or its draft; with `as_json`, open the JSON editor."""
         trace, station = self._session.state.current, self._session.station
         if trace is None or trace.approval is None or station is None:
             return
@@ -211,7 +211,7 @@ class ApprovalController:
 
         editor: PlanForm | PlanEditor = PlanEditor(plan_json(proposed), draft)
         if not as_json:
-            with suppress(ValueError):  # a draft that is no plan in rows is left as JSON
+            with suppress(ValueError):  # a draft that does not fit the form stays JSON
                 editor = PlanForm(self._session.world, plan_json(proposed), draft, examine)
         self._editing = key, editor
 
@@ -228,7 +228,7 @@ class ApprovalController:
         self._session.app.push_screen(editor, closed)
 
     def look_ahead(self) -> None:
-        """Have a timed order that waits for approval planned as it would be now, once."""
+        """Plan a timed order that waits for approval, once, as if it started now."""
         trace, session = self._session.state.current, self._session
         request = trace.approval if trace is not None else None
         order = request.standing if request is not None else None
@@ -262,7 +262,7 @@ class ApprovalController:
 
 
 def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> ComparedPlan | None:
-    """Return the plan that waits, or else, with `over`, the last one of the mission."""
+    """Return the waiting plan; without one and with `over`, return the mission's last plan."""
     waits = waiting_plan(world, trace) if trace is not None else None
     if trace is None or waits is not None:
         return waiting_candidate(trace, waits) if trace is not None and waits is not None else None
@@ -271,14 +271,14 @@ def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> C
 
 
 def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
-    """Return the plan that the planner last proposed, also where the operator's own waits."""
+    """Return the plan that the planner proposed last, even if the operator's own plan waits."""
     before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
     planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
     return next(planned, request.plan)
 
 
 class AnswerScreen(ModalScreen[None]):
-    """Shows a question and its answer; no decision is possible here."""
+    """A question and its answer; no decision is possible on this screen."""
 
     BINDINGS = [
         Binding("escape,enter,q", "dismiss", "Back"),
@@ -287,7 +287,7 @@ class AnswerScreen(ModalScreen[None]):
     ]
 
     def __init__(self, question: str, *, waits: bool) -> None:
-        """Show an answer; `waits` is True if a plan waits for a decision meanwhile."""
+        """Show the answer to `question`; `waits` is True if a plan waits for a decision."""
         super().__init__()
         self._question, self._waits = question, waits
         self._rows: tuple[WrappedRow, ...] = (row("", (LOOKING, QUIET)),)
@@ -298,7 +298,7 @@ class AnswerScreen(ModalScreen[None]):
             yield TextRows(self._rows, id="answer-rows")
 
     def on_mount(self) -> None:
-        """Name the panel after the question, and let the arrow keys scroll it."""
+        """Use the question as the panel's title, and let the arrow keys scroll the panel."""
         panel = self.query_one("#answer", VerticalScroll)
         panel.border_title = Content(f"You asked: {self._question}")
         waits = "the plan still waits; " if self._waits else ""
@@ -307,7 +307,7 @@ class AnswerScreen(ModalScreen[None]):
         self._show()
 
     def show(self, told: QuestionAnswered) -> None:
-        """Show the answer, also where the panel is not there yet; on one that was left, nothing."""
+        """Show the answer, now or when the panel is mounted; do nothing if the screen was left."""
         self._rows = tuple(each for part in answered((told,)) for each in drawn(part)[0].rows)
         self._show()
 
@@ -316,15 +316,15 @@ class AnswerScreen(ModalScreen[None]):
             rows.show(self._rows)
 
     def action_page(self, pages: int) -> None:
-        """Show what follows, or what comes before."""
+        """Scroll by a number of pages."""
         panel = self.query_one("#answer", VerticalScroll)
         panel.scroll_relative(y=pages * max(panel.size.height - 1, 1), animate=False)
 
 
 class QuestionController:
-    """Takes the texts sent at the prompt: a question is answered, any other text is a mission.
+    """The texts sent at the prompt: a question is answered, any other text is a mission.
 
-    Other plans stand side by side if one of them can be chosen.
+    If a question asks for other plans and one of them can be chosen, they are shown side by side.
     """
 
     def __init__(
@@ -349,7 +349,7 @@ class QuestionController:
         self._ask(question)
 
     def _ask(self, question: Question) -> None:
-        """Show the answer over the console as soon as it is there."""
+        """Open a screen for the answer, which is shown as soon as it is ready."""
         current = self._session.state.current
         waits = current is not None and current.approval is not None
         screen = AnswerScreen(question.text, waits=waits)

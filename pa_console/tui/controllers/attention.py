@@ -1,6 +1,6 @@
-"""Calls the operator: bell, notice and window title for what waits, a red line for a lost log.
+"""Calls for the operator: bell, notice and window title for a wait, a red line for a log fault.
 
-A terminal that does not know a code ignores it.
+A terminal ignores codes that it does not support.
 """
 
 from collections.abc import Callable
@@ -18,10 +18,10 @@ from pa_console.tui.controllers.settings import SettingsController
 TITLE = "PA Console"
 
 KEEP_TITLE = "\x1b[22;2t"
-"""Has the terminal remember the title that its window has."""
+"""The code with which a terminal stores the title of its window."""
 
 RESTORE_TITLE = "\x1b[23;2t"
-"""Has it take that title again."""
+"""The code with which a terminal restores the stored title."""
 
 CLOSED = "LOG NOT WRITTEN: nothing is dispatched, no plan can be approved"
 
@@ -33,24 +33,24 @@ def notice(text: str) -> str:
 
 
 def window_title(text: str = "") -> str:
-    """Return the code that names the window: what waits, or the console alone."""
+    """Return the code that sets the window's title: what waits, or only the console's name."""
     plain = visible_line(text)
     return f"\x1b]2;▲ {plain} - {TITLE}\x07" if plain else f"\x1b]2;{TITLE}\x07"
 
 
 class AttentionController:
-    """Looks at the session after each frame; every means can be switched off in the settings."""
+    """The calls for the operator, made after a frame; the settings can switch off each kind."""
 
     def __init__(
         self, session: ConsoleSession, settings: SettingsController, write: Callable[[str], object]
     ) -> None:
-        """`write` sends codes to the terminal."""
+        """Send codes to the terminal with `write`."""
         self._session, self._settings, self._write = session, settings, write
         self._waits: frozenset[str] = frozenset()
         self._title: str | None = None
 
     def look(self) -> None:
-        """Notify of plans that have begun to wait since the last look."""
+        """Call the operator for everything that has begun to wait since the previous look."""
         session, write = self._session, self._write
         if session.player is not None or not session.decides:
             return
@@ -66,7 +66,7 @@ class AttentionController:
         self._name_window(title, wanted=values.window_title)
 
     def leave(self) -> None:
-        """Give the window its own title back."""
+        """Restore the window's own title."""
         if self._title is not None:
             self._write(RESTORE_TITLE)
             self._title = None
@@ -81,22 +81,22 @@ class AttentionController:
 
 
 class LogAlarm(Static):
-    """The consequence for the operator, and then why the log cannot be written."""
+    """An alarm line: the consequence of an unwritable log for the operator, then the reason."""
 
     def show(self, problem: str) -> None:
-        """Show the log's own text about its problem."""
+        """Show the log's description of its problem."""
         self.update(Content.assemble((f"■ {CLOSED}", "bold"), f". {problem}"))
 
 
 class LogAlarmController:
-    """Keeps a `LogAlarm` on each screen, those over the session's own included."""
+    """The `LogAlarm` on every screen, including screens opened over the main one."""
 
     def __init__(self, session: ConsoleSession) -> None:
         self._session, self._app = session, session.app
         self._shown = ""
 
     def watch_screens(self) -> None:
-        """Show it on every later screen, too."""
+        """Show the alarm on screens that open later, too."""
         self._app.screen_change_signal.subscribe(self._app, self._opened)
 
     def show(self) -> None:
@@ -109,7 +109,7 @@ class LogAlarmController:
 
     def _opened(self, screen: Screen[Any]) -> None:
         if self._shown:
-            screen.call_later(self._show_on, screen)  # once its own widgets are there
+            screen.call_later(self._show_on, screen)  # after its own widgets are mounted
 
     def _show_on(self, screen: Screen[Any]) -> None:
         if not screen.is_running:

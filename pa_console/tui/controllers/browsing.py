@@ -1,4 +1,4 @@
-"""Moves about in the console: panes, map, pointers, screens to read, copies to take along."""
+"""Navigation in the console: panes, the map, screens to read, and copies."""
 
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +17,7 @@ from pa_console.tui.widgets.trace_pane import trace_text
 
 
 class BrowsingController:
-    """Carries out what changes nothing outside the screen; it is legal everywhere."""
+    """Actions that do not affect the session; they are legal everywhere."""
 
     def __init__(
         self,
@@ -26,9 +26,9 @@ class BrowsingController:
         evaluations: Path | None,
         copies: Path | None = None,
     ) -> None:
-        """Open folders: `evaluations` is that of all evaluations, `copies` that of exports.
+        """Use `evaluations` as the folder of all evaluations, and `copies` as the export folder.
 
-        None is the user's own.
+        None means the user's own folder.
         """
         self._copies = copies
         self._session, self._app = session, session.app
@@ -37,18 +37,18 @@ class BrowsingController:
     # Panes and the map
 
     def leave_field(self) -> None:
-        """Leave a field of the session that is looked at."""
+        """Leave a field of the shown session."""
         shown = self._session.shown
         if shown is not None and self._app.screen is shown:
             shown.leave_field()
 
     def select_mission(self, by: int) -> None:
-        """Show the trace of the mission before or after."""
+        """Show the trace of the previous or the next mission."""
         if self._session.shown is not None:
             self._session.shown.select(self._session.shown_state, by)
 
     def follow_alarm(self) -> None:
-        """Follow what the alarm at the pointer is about; the same again follows nothing."""
+        """Follow the subject of the alarm at the pointer, or stop if it is followed already."""
         shown = self._session.shown
         if shown is None:
             return
@@ -59,7 +59,7 @@ class BrowsingController:
             self.follow(subject)
 
     def follow(self, name: str) -> None:
-        """Keep something in view on the map, and go to the map."""
+        """Keep the item `name` in view on the map, and show the map."""
         shown = self._session.shown
         if shown is not None:
             if shown.query_one(MapView).follow(name):
@@ -120,20 +120,20 @@ class BrowsingController:
     # Copies
 
     def copy_trace(self) -> None:
-        """Copy the trace that is shown to the terminal's clipboard and to a file."""
+        """Copy the shown trace to the terminal's clipboard and to a file."""
         shown, trace = self._session.shown, self._shown_trace
         if shown is not None and trace is not None:
             text = trace_text(trace, shown.rules)
             self._copy("trace", f"{trace.mission.id}-trace.txt", text)
 
     def copy_plan(self) -> None:
-        """Copy the plan that is shown."""
+        """Copy the shown plan to the terminal's clipboard and to a file."""
         trace = self._shown_trace
         if trace is not None:
             self._copy("plan", f"{trace.mission.id}-plan.json", _plan_text(trace))
 
     def take_screenshot(self) -> None:
-        """Write what the screen shows, once the palette is closed, to an SVG file."""
+        """Write a screenshot to an SVG file, after the palette is closed."""
 
         def take() -> None:
             picture = self._app.export_screenshot(title=self._app.title)

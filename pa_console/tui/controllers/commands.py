@@ -1,4 +1,4 @@
-"""Gives the station commands: missions, alarms, the queue, the stop, what-ifs of the simulation."""
+"""Commands to the station: missions, alarms, the queue, the stop, and simulated incidents."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 LOW_BATTERY_PCT = 15.0
 JAM_S = 60.0
 JAM_FACTOR = 2.0
-"""A jammed gate is jammed within this many times its own radius."""
+"""The radius of a jam around a gate, in radii of the gate."""
 
 DRIFT_MPS = 1.0
 RATES = (1.0, 2.0, 4.0, 8.0)
 _WEATHERS: tuple[Weather, ...] = ("fog", "rain", "clear")
 
 WhatIf = tuple[str, inc.Incident]
-"""Title and what then happens."""
+"""A title and the incident that it injects."""
 
 
 _STANDING = {
@@ -112,13 +112,13 @@ def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
 
 
 class CommandController:
-    """Carries out what the station may refuse; a refusal is shown."""
+    """Commands that the station may refuse; a refusal is shown."""
 
     def __init__(self, session: ConsoleSession, feed: SessionFeed) -> None:
         self._session, self._feed = session, feed
 
     def attempt(self, title: str, command: Callable[[LiveStation], object]) -> bool:
-        """Give a command; returns whether it was taken."""
+        """Give a command; return whether it was accepted."""
         station, joined = self._session.station, self._session.joined
         if station is None or (self._session.readonly and joined is None):
             self._session.tell("the console is read-only", f"{title} refused", bad=True)
@@ -133,20 +133,20 @@ class CommandController:
     # Missions and alarms
 
     def typing(self, text: str) -> None:
-        """Let the model read the picture and the words while the mission is being written."""
+        """Pass on the mission as it is being typed, so that the model can read ahead."""
         if self._session.main is not None:
             self._session.main.typing(text)
         if self._session.station is not None:
             self._session.station.typing("" if slots(text) else text)
 
     def point(self) -> None:
-        """Report the mark on the map to the station: *this one* means it."""
+        """Pass the followed item to the station, so that *this one* in an order refers to it."""
         shown = self._session.main
         if self._session.station is not None and shown is not None:
             self._session.station.point(shown.query_one(MapView).followed)
 
     def take_up(self) -> None:
-        """Give the standing orders of the last session again; each waits for its approval."""
+        """Submit the standing orders of the last session again; each waits for its approval."""
         last = self._session.last
         for order in last.take_up() if last is not None else ():
             self.attempt("Mission", lambda station, text=order: station.submit(text))
@@ -159,7 +159,7 @@ class CommandController:
             self._session.main.query_one(MissionPrompt).taken(text)
 
     def acknowledge(self) -> None:
-        """Acknowledge the alarm at the pointer, else the worst unseen one."""
+        """Acknowledge the alarm at the pointer, or else the worst unseen one."""
         if self._session.main is None:
             return
         pane = self._session.main.query_one(AlarmPane)
@@ -179,9 +179,9 @@ class CommandController:
     # The queue
 
     def with_queued(self, title: str, command: Callable[[LiveStation, str], None]) -> None:
-        """Give a command about the waiting mission at the pointer, once the operator sees which.
+        """Give a command for the waiting mission at the pointer, if the pointer is visible.
 
-        With the pointer elsewhere or out of sight nothing is done but to show it.
+        Otherwise, only show the pointer.
         """
         main = self._session.main
         if main is None:
@@ -199,7 +199,7 @@ class CommandController:
     # Standing orders
 
     def show_standing_orders(self) -> None:
-        """Show the standing orders of the session that is looked at."""
+        """Show the standing orders of the shown session."""
         from pa_console.tui.screens.standing_orders import StandingOrdersScreen  # noqa: PLC0415
 
         session = self._session
@@ -210,7 +210,7 @@ class CommandController:
             session.app.push_screen(screen)
 
     def change_standing(self, order: StandingOrder, change: "StandingChange") -> None:
-        """Take a standing order out of force, let it pause, go on or skip, or give it again."""
+        """Revoke, pause or resume a standing order, skip one of its moments, or give it again."""
         name = order.id
         title, told = _STANDING[change]
         if self._session.recording is not None:
@@ -270,7 +270,7 @@ class CommandController:
     # The simulation
 
     def inject(self, incident: Incident) -> None:
-        """Make something happen in the simulation."""
+        """Inject an incident into the simulation."""
         self.attempt("What-if", lambda station: station.inject(incident))
 
     def set_rate(self, rate: float) -> None:
@@ -282,7 +282,7 @@ class CommandController:
         self._feed.changed(frozenset(("status",)))
 
     def change_rate(self, factor: float) -> None:
-        """Go faster or slower, in the simulation or in the recording that is looked at."""
+        """Change the speed of the simulation or of the shown recording by `factor`."""
         recording = self._session.recording
         if recording is not None:
             rate = recording.player.rate * factor

@@ -1,7 +1,7 @@
-"""Types orders for the operator: earlier ones, favourites, and what is chosen on the map.
+"""Orders that are typed for the operator: earlier orders, favourites, and choices on the map.
 
-Nothing here gives a command. What is chosen is typed into the mission field, and goes the way of
-every mission once the operator sends it.
+A chosen order is typed into the mission field and is a mission only after the operator sends it.
+Only manual control is taken and given back at once.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -49,32 +49,32 @@ HEAD = "# Favourite orders of PA Console; what stands in braces, like {gate}, is
 MOST_KEPT = 200
 
 MOST_SESSIONS = 50
-"""The number of sessions that are read, the newest first."""
+"""The most sessions that are read, newest first."""
 
 TEMPLATE, FAVOURITE = "template", "favourite"
 
 
 class _Kept(StrictModel):
-    """The content of the file."""
+    """The content of the favourites file."""
 
     orders: tuple[str, ...] = Field(default=(), max_length=MOST_KEPT)
 
 
 def favourites_file() -> Path:
-    """Return the user's file, in the folder of the settings."""
+    """Return the path of the user's favourites file, in the folder of the settings."""
     return settings_file().with_name("favourites.yaml")
 
 
 class Favourites:
-    """Orders in the sequence in which they were kept; what else stands in the file stays there."""
+    """Favourite orders, oldest first; other content of the file is left unchanged."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
 
     def orders(self) -> tuple[str, ...]:
-        """Return the orders as the file has them now.
+        """Return the orders that the file has now.
 
-        Raises DocumentError, which names file and line, for a file that cannot be used.
+        Raises DocumentError, which names the file and the line, for a file that cannot be used.
         """
         if not self.file.exists():
             return ()
@@ -91,10 +91,10 @@ class Favourites:
         return kept
 
     def keep(self, order: str) -> bool:
-        """Add an order; returns whether it is new.
+        """Add an order; return whether it is new.
 
-        Raises DocumentError for a file that cannot be used, OSError for one that cannot be
-        written, ValueError when there are too many. The file then is as it was.
+        Raises DocumentError for a file that cannot be used, OSError for one that cannot be written,
+        and ValueError if there are too many orders. The file is unchanged after an error.
         """
         kept = self.orders()
         if order in kept:
@@ -105,11 +105,11 @@ class Favourites:
         return True
 
     def remove(self, order: str) -> None:
-        """Take an order out; raises what `keep` raises."""
+        """Remove an order; raise the same errors as `keep`."""
         self._write(tuple(kept for kept in self.orders() if kept != order))
 
     def _write(self, orders: tuple[str, ...]) -> None:
-        path = self.file.resolve()  # a link to the file stays one
+        path = self.file.resolve()  # keep a symbolic link to the file
         text = read_text(path) if path.exists() else HEAD
         changed = changed_text(str(path), text, "orders", list(orders))
         if tuple(yaml.safe_load(changed)["orders"]) != orders:
@@ -118,7 +118,7 @@ class Favourites:
 
 
 class PastOrder(NamedTuple):
-    """An order with when its session began and how it ended; both unknown outside every log."""
+    """An order, with the start of its session and its last status if a log has them."""
 
     text: str
     session_began: datetime | None = None
@@ -126,16 +126,16 @@ class PastOrder(NamedTuple):
 
     @property
     def note(self) -> str:
-        """The note beside the words, in local time."""
+        """The note beside the order: the local start time of its session, and its last status."""
         if self.session_began is None:
             return ""
         return f"{self.session_began.astimezone():%d %b %H:%M}  {self.ended or 'open'}"
 
 
 def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
-    """Yield the orders of one recorded session after the other; logs that are damaged are left out.
+    """Yield the orders of each recorded session, newest first; damaged logs are left out.
 
-    Missions that alarms made are no orders.
+    Missions that alarms started are not orders.
     """
     for log in newest_logs(folder)[:MOST_SESSIONS]:
         try:
@@ -147,9 +147,9 @@ def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
 
 
 def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
-    """Return each order once: first the ones `typed` at this terminal, then those of logs.
+    """Return each order once: first the orders `typed` at this terminal, then those of logs.
 
-    Both are sorted from new to old. A typed order has the note of its newest log.
+    Both are sorted from new to old. A typed order has the note of its newest log entry.
     """
     notes: dict[str, PastOrder] = {}
     for order in logged:
@@ -159,7 +159,7 @@ def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]
 
 
 class ComposingController:
-    """Opens the sources of orders, and types the chosen one."""
+    """The sources of orders; the chosen order is typed."""
 
     def __init__(
         self,
@@ -249,14 +249,14 @@ class ComposingController:
 
     @property
     def _on_session(self) -> bool:
-        """Return whether the session is in front, with the field that orders are typed into."""
+        """True if the session and its mission field are in front; if not, show how to get there."""
         front = self._app.screen is self._session.shown
         if not front and not isinstance(self._app.screen, ChooseLine | Card):
             self._session.tell("Esc goes back to the session, where orders are typed", "Orders")
         return front
 
     def _type(self, order: str | None) -> None:
-        """Type an order into the mission field; what stood there is not lost."""
+        """Type an order into the mission field; undo restores the previous text."""
         main = self._session.main
         if not order or main is None:
             return
@@ -268,13 +268,13 @@ class ComposingController:
     # Things on the map and in the table
 
     def choose_thing(self) -> None:
-        """Let the operator choose among everything that has a name."""
+        """Let the operator choose an asset, a track or a place."""
         picture, world = self._session.shown_state.picture, self._session.world
         tracks = tuple(picture.tracks) if picture is not None else ()
         self._choose_one((*tracks, *world.frames, *world.assets))
 
     def row_chosen(self, message: VirtualRows.RowChosen) -> None:
-        """Open the card of a row of the table; follow what a row of the alarms is about."""
+        """Open the card of a row of the asset table, or follow the subject of an alarm row."""
         rows = message.rows
         if isinstance(rows, AssetTable):
             if message.key in self._session.world.cameras:
@@ -285,9 +285,9 @@ class ComposingController:
             self._browsing.follow(rows.subject)
 
     def picked(self, names: Sequence[str], at: Offset | None, *, menu: bool) -> None:
-        """Fill the open slot of the mission field with the picked name, else open its card.
+        """Fill the open slot of the mission field with the picked name, or else open its card.
 
-        If several fit, the operator chooses one. An empty place has a menu of the map.
+        If several names fit, the operator chooses one. An empty place opens the menu of the map.
         """
         if self._app.screen is not self._session.shown:
             return
@@ -310,7 +310,7 @@ class ComposingController:
 
     @property
     def _may_order(self) -> bool:
-        """Return whether missions can be given here."""
+        """True if missions can be given here."""
         now = self._session.situation
         return not (now.replay or now.readonly)
 
@@ -377,7 +377,7 @@ class ComposingController:
             )
 
     async def _show_still(self, card: Card, track: str) -> None:
-        """Show on a track's card what a camera sees of it, in a recording what was shown last."""
+        """Show a camera's picture of a track on its card; in a recording, the last logged one."""
         session = self._session
         if session.station is None or session.recording is not None:
             still = session.shown_state.stills.get(track)

@@ -1,4 +1,4 @@
-"""The session that the console shows, the screens over it, and what may be done at this moment."""
+"""The session that the console shows, the screens over it, and the actions that are legal now."""
 
 from collections.abc import Callable
 from typing import Any
@@ -19,7 +19,7 @@ from pa_console.tui.surroundings import JoinedTo, LiveStation, SecondsClock
 
 
 class ConsoleSession:
-    """The session for every controller: the station or the player, and the screens of the `app`."""
+    """The session for all controllers: the station or the player, and the screens of the `app`."""
 
     def __init__(
         self,
@@ -33,9 +33,10 @@ class ConsoleSession:
         joined: JoinedTo | None = None,
         last: LastSession | None = None,
     ) -> None:
-        """A live console has a `station`, a replay a `player`; one may have `joined` another.
+        """Build the session of a live console with `station`, or of a replay with `player`.
 
-        Standing orders of the `last` session can be taken up again.
+        `joined` is the session of another station. Standing orders of the `last` session can be
+        taken up again.
         """
         self.last = last
         self.app, self.world = app, world
@@ -47,37 +48,37 @@ class ConsoleSession:
         """The texts typed into the mission field, in this and in earlier sessions."""
 
         self.folded = SessionState()
-        """The fold of the station's events; the player folds its own."""
+        """The state folded from the station's events; a player has its own state."""
 
     @property
     def state(self) -> SessionState:
-        """The session as it stands, live or at the replay's position."""
+        """The state of the session, live or at the replay's position."""
         return self.player.state if self.player else self.folded
 
     @property
     def shown(self) -> MainScreen | None:
-        """The main screen, or the recording that was opened over it."""
+        """The main screen, or a recording that was opened over it."""
         screens = reversed(self.app.screen_stack)
         return next((screen for screen in screens if isinstance(screen, MainScreen)), None)
 
     @property
     def recording(self) -> RecordingScreen | None:
-        """The recording that is looked at, if one is."""
+        """The shown recording; None if there is none."""
         return self.shown if isinstance(self.shown, RecordingScreen) else None
 
     @property
     def shown_state(self) -> SessionState:
-        """The session that is looked at: the recording's, else the session's own."""
+        """The state of the shown recording, or else of the session."""
         return self.recording.state if self.recording else self.state
 
     @property
     def decides(self) -> bool:
-        """True if decisions are possible here: signatures, in a joined session."""
+        """True if decisions are possible here; in a joined session, these are signatures."""
         return bool(self.joined.signer) if self.joined is not None else not self.readonly
 
     @property
     def asks(self) -> bool:
-        """True if questions are answered here: in a joined session, too."""
+        """True if questions are answered here, also in a joined session."""
         return self.station is not None and (self.joined is not None or not self.readonly)
 
     def is_open(self, kind: type[Screen[Any]]) -> bool:
@@ -85,12 +86,12 @@ class ConsoleSession:
         return any(isinstance(screen, kind) for screen in self.app.screen_stack)
 
     def tell(self, text: str, title: str, bad: bool = False) -> None:
-        """Show a notice; its text is never read as markup."""
+        """Show a notice; its text is not parsed as markup."""
         severity = "error" if bad else "information"
         self.app.notify(text, title=title, severity=severity, markup=False)
 
     def confirm(self, question: str, do: Callable[[], object], *, yes: str, no: str) -> None:
-        """Ask the operator, over every screen; `do` it on a yes."""
+        """Ask the operator on any screen; call `do` if the answer is yes."""
         from pa_console.tui.screens.dialogs import Confirm  # noqa: PLC0415 - not at the start
 
         def answered(agreed: bool | None) -> None:
@@ -103,7 +104,7 @@ class ConsoleSession:
 
     @property
     def situation(self) -> ActionContext:
-        """The state that decides which actions are legal now; in a recording no commands are."""
+        """The state that decides which actions are legal now; a recording allows no commands."""
         recorded = self.player is not None or self.recording is not None
         return self._situation_of(self.shown_state, recorded)
 
@@ -128,9 +129,9 @@ class ConsoleSession:
         )
 
     def allows(self, action: ConsoleAction) -> bool:
-        """Return whether the action is legal now, and its key not meant for something else.
+        """Return whether the action is legal now and its key has no other use.
 
-        What is urgent concerns the session itself, whatever recording is looked at.
+        An urgent action concerns the session itself, even if a recording is shown.
         """
         now = self.situation
         if action.urgent:
@@ -139,6 +140,6 @@ class ConsoleSession:
 
     @property
     def _has_other_use(self) -> bool:
-        """Return whether a key that opens a field is a letter here or belongs to the top screen."""
+        """True if a key that opens a field types a letter here or belongs to the top screen."""
         other_screen = self.app.screen is not self.shown
         return other_screen or isinstance(self.app.focused, Input | TextArea)

@@ -1,4 +1,4 @@
-"""All controllers of one console, the action that each carries out, and the command palette."""
+"""The controllers of a console, the actions that each carries out, and the command palette."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 
 TYPICAL = ("unknown vehicle", "weather")
-"""Words of the what-ifs that are offered before anything is typed."""
+"""Words in the titles of the what-ifs that are offered before anything is typed."""
 
 ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
     "view_map": lambda shown: shown.focus_view("map"),
@@ -45,7 +45,7 @@ ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
     "problems": lambda shown: shown.show_assets().toggle_problems(),
     "prompt": lambda shown: shown.query_one(MissionPrompt).take_cursor(),
 }
-"""What only changes the main screen, or the recording that was opened over it."""
+"""The actions that only change the main screen, or a recording opened over it, by id."""
 
 ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
     "play": RecordingScreen.play_pause,
@@ -61,10 +61,10 @@ ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
     "search_log": RecordingScreen.search,
     "compare": RecordingScreen.compare,
 }
-"""What only a recording has."""
+"""The actions that only a recording has, by id."""
 
 PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
-"""Title, effect, help, and further search words."""
+"""The title, effect, help and further search words of a command."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Controllers:
     leaving: LeavingController
 
     def carry_out(self, name: str) -> None:
-        """Carry out an action: by its controller, else on the screen or the recording on show."""
+        """Carry out an action with its controller, or else on the shown screen or recording."""
         shown = self.session.shown
         if name in HANDLERS:
             HANDLERS[name](self)
@@ -131,13 +131,13 @@ HANDLERS: Mapping[str, Callable[[Controllers], object]] = {
 
 
 class ConsoleHost(Protocol):
-    """The app, as far as the palette needs it."""
+    """The part of the app that the palette uses."""
 
     controllers: Controllers
 
 
 class ConsoleCommands(Provider):
-    """Offers the commands that are legal at this moment."""
+    """The commands that are legal at this moment."""
 
     _what_ifs: tuple[WhatIf, ...] | None = None
 
@@ -174,7 +174,7 @@ class ConsoleCommands(Provider):
             yield f"Theme {name}", partial(setattr, self.app, "theme", name), "Colours", ""
 
     async def discover(self) -> Hits:
-        """Yield the actions, and the what-ifs that start a typical situation."""
+        """Yield the actions, the speeds, and the what-ifs of typical situations."""
         for title, run, help_text, _ in self._actions():
             yield DiscoveryHit(title, run, help=help_text)
         for title, run, help_text, _ in self._simulation():
@@ -184,8 +184,8 @@ class ConsoleCommands(Provider):
     async def search(self, query: str) -> Hits:
         """Yield the matches of the typed text.
 
-        In the simulation's part, thousands of entries long on a large site, every word has to occur
-        as it is.
+        A large site has thousands of entries for the simulation. Such an entry is matched only if
+        its title contains every typed word.
         """
         matcher, words = self.matcher(query), query.lower().split()
         found = (item for item in self._simulation() if _has(item[0].lower(), words))

@@ -1,4 +1,4 @@
-"""Leaves the console: after a question where something ends by it, or when the terminal is gone."""
+"""Leaving the console: after a question if something would end, or when the terminal is gone."""
 
 import asyncio
 import signal
@@ -14,11 +14,11 @@ from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.terminal import when_hung_up
 
 CLOSE_WITHIN_S = 3.0
-"""The console leaves after this long even when the session does not end by itself."""
+"""The longest wait for the session to end before the console closes, seconds."""
 
 
 class LeavingController:
-    """Ends the session and then the console."""
+    """A controller that ends the session and then the console."""
 
     def __init__(self, session: ConsoleSession, settings: SettingsController) -> None:
         self._session, self._app, self._settings = session, session.app, settings
@@ -26,7 +26,7 @@ class LeavingController:
         self.ended_by = 0
         """The signal that ended the console, 0 for none."""
         self.takes_command = False
-        """True if the console was left to open again as the one in command."""
+        """True if the console is to open again as the one in command."""
 
     def watch_terminal(self) -> None:
         """Leave without a question once the terminal is gone."""
@@ -52,7 +52,7 @@ class LeavingController:
         self._app.run_worker(self._close(why), exit_on_error=False)
 
     def leave(self) -> None:
-        """Leave, after a question when something would end by that."""
+        """Leave the console, after a question if that would end a mission or a standing order."""
         session, state = self._session, self._session.state
         ends: list[str] = []
         if state.active is not None:
@@ -89,7 +89,7 @@ class LeavingController:
         self._session.confirm(question, take, yes="Take command", no="Only watch")
 
     def say_how(self) -> None:
-        """Show how to leave, over every screen; with a text selected, let its copying go on."""
+        """Show how to leave, on any screen; if text is selected, let the key copy it instead."""
         if getattr(self._app.focused, "selected_text", "") or self._app.screen.get_selected_text():
             raise SkipAction
         keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)

@@ -1,4 +1,4 @@
-"""Knows which rules are in force: the policy browser, what it needs to edit them, changes."""
+"""The rules in force: the policy browser, the parts for editing rules, and rule changes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ _WATCHED = _USES | {"telemetry", "rules_replaced", "noticed"}
 
 
 class RulesController:
-    """Follows every change of the rule set, and lends the browser the parts to edit it."""
+    """The present rule set, and the parts with which the policy browser edits it."""
 
     def __init__(
         self,
@@ -28,15 +28,15 @@ class RulesController:
         rules_file: Path | None,
         drafts: Path | None,
     ) -> None:
-        """Begin with the rules of `rules_file`; without it, or read-only, none can be edited.
+        """Begin with the rules of `rules_file`; without it, or read-only, they cannot be edited.
 
-        `drafts` is the folder of what was typed and not saved, None for the user's own.
+        `drafts` is the folder of unsaved drafts, None for the user's own.
         """
         self._session = session
         self.rulebook: ShownRules = rulebook
         self.retriever = retriever
         self.texts = {rule.id: rule for rule in rulebook.rules}
-        """Every rule that was in force in this session, as it is in force now, by id."""
+        """Every rule that was in force in this session, in its latest version, by id."""
         self._browser: PolicyScreen | None = None
         closed = "the rules are not open for editing here"
         if rules_file is not None and session.readonly:
@@ -65,7 +65,7 @@ class RulesController:
             await self._session.station.accept_rules()
 
     def take(self, event: ev.Event) -> None:
-        """Note the rules in an event, once it is folded."""
+        """Update the rules and their trials from an event that is already in the session state."""
         if event.data.kind not in _WATCHED:
             return
         self.bench.cases.see(event, self._session.state)
@@ -81,7 +81,7 @@ class RulesController:
                 pass
 
     def _use(self, taken: InForce) -> None:
-        """Show other rules, which the station has indexed."""
+        """Show a new rule set, which the station has already indexed."""
         self.rulebook = taken
         if self._session.station is not None:
             self.retriever = self._session.station.retriever

@@ -1,4 +1,4 @@
-"""Takes the session's events in, folds them, and repaints the panes that they concern."""
+"""The feed of the session's events, which folds them and repaints the panes that they change."""
 
 import asyncio
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from pa_console.tui.widgets.map_view import MapView
 from pa_console.views.waiting import Waiting, behind_line
 
 LOOK_S = 1.0
-"""The interval between two looks at the age of the telemetry, wall seconds."""
+"""The interval between two checks of the telemetry's age, wall seconds."""
 
 
 class SessionFeed:
-    """Feeds the main screen from a live station, at most one frame each FRAME_S seconds."""
+    """The feed of the main screen from a live station, at most one frame every FRAME_S seconds."""
 
     def __init__(
         self,
@@ -28,9 +28,9 @@ class SessionFeed:
         folded: Callable[[Event], None],
         painted: Callable[[], None],
     ) -> None:
-        """`waiting` knows what takes its time; `folded` is called after each event.
+        """Call `folded` after each event, and `painted` after each frame.
 
-        `painted` is called after each frame.
+        `waiting` describes the step that the session waits for.
         """
         self.waiting = waiting
         self._session, self._app = session, session.app
@@ -41,10 +41,10 @@ class SessionFeed:
         self._situation = ActionContext()
         self._waited = False
         self.observer: Observer = unobserved
-        """Is given every event as it comes, whatever the screen is busy with."""
+        """A callback that receives every event at once, even while the screen is busy."""
 
     def start(self) -> None:
-        """Begin to listen; called after the first paint."""
+        """Start to listen; called after the first paint."""
         station = self._session.station
         if station is not None and self._session.player is None:
             self._app.run_worker(self._listen(station), group="session", exit_on_error=False)
@@ -52,19 +52,19 @@ class SessionFeed:
         self.changed(ALL_VIEWS)
 
     async def _listen(self, station: LiveStation) -> None:
-        """Take every event of the session; the screen stays usable when the stream breaks."""
+        """Read every event of the session; if the stream fails, the screen stays usable."""
         problem = ""
         try:
             async for event in station.run():
                 self.observer(event)
                 self._app.call_later(self.take, event)
                 await asyncio.sleep(0)
-        except Exception as error:  # whatever broke, the operator must keep the console
+        except Exception as error:  # after any error, the operator must keep the console
             problem = f"{type(error).__name__}: {error}"
         self._app.call_later(self.end, problem)
 
     def take(self, event: Event) -> None:
-        """Fold one event, and note which panes it concerns."""
+        """Fold one event, and mark the panes that it changes."""
         self._session.folded.apply(event)
         self.waiting.take(event, self._session.folded, self._session.clock())
         if event.data.kind == "telemetry":
@@ -73,7 +73,7 @@ class SessionFeed:
         self._folded(event)
 
     def end(self, problem: str) -> None:
-        """Show that no more events will arrive, unless that was requested."""
+        """Repaint all panes at the end of the events, and show the `problem` if there is one."""
         if problem:
             self._app.notify(
                 f"The session broke off: {problem}. What was received stays "
@@ -86,14 +86,14 @@ class SessionFeed:
         self.changed(ALL_VIEWS)
 
     def changed(self, views: frozenset[str]) -> None:
-        """Have `views` repainted with the next frame."""
+        """Repaint `views` in the next frame."""
         self._dirty |= views
         if not self._flush_due:
             self._flush_due = True
             self._app.set_timer(FRAME_S, self.flush)
 
     def flush(self) -> None:
-        """Begin the next frame; a console that is closing has no screen left to paint."""
+        """Paint the next frame; a console that is closing has no screen left to paint."""
         self._flush_due = False
         if self._app.is_running:
             self._paint()
@@ -118,12 +118,12 @@ class SessionFeed:
             self._app.refresh_bindings()
 
     def _main(self) -> MainScreen | None:
-        """The main screen where it can be painted: it has its widgets, all of them."""
+        """Return the main screen if all its widgets exist and it can be painted; else None."""
         main = self._session.main
         return main if main is not None and main.is_mounted and is_open(main) else None
 
     def _tell_what_waits(self) -> None:
-        """Notify an operator who looks at another screen that a plan has begun to wait."""
+        """Notify an operator on another screen that a plan has begun to wait."""
         session = self._session
         current = session.state.current
         waits = current is not None and current.approval is not None
@@ -144,7 +144,7 @@ class SessionFeed:
             main.show_waiting(line or behind_line(state, f"{key} lets it go first"))
 
     def look(self) -> None:
-        """Look how long the session has been silent, and how long a step takes."""
+        """Update the age of the telemetry and the duration of the present step."""
         self._show_waiting()
         if self._session.clock() - self._last_telemetry > 4 * LOOK_S:
             self.changed(frozenset(("status",)))

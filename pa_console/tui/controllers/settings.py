@@ -1,4 +1,4 @@
-"""Puts the user's settings in force: theme, keys, delays."""
+"""The user's settings in force: theme, keys and delays."""
 
 from collections.abc import Mapping
 
@@ -9,17 +9,17 @@ from pa_console.tui.theme import DEFAULT_THEME, THEMES
 
 
 class SettingsController:
-    """Follows the settings, at the start and whenever the settings screen has saved one."""
+    """The controller that applies the settings, at the start and after each saved change."""
 
     def __init__(self, session: ConsoleSession, loaded: LoadedSettings) -> None:
-        """Edit `loaded`, the settings in force."""
+        """Begin with `loaded`, the settings in force."""
         self._session, self._app = session, session.app
         self.loaded = loaded
         self.keys: Mapping[str, str] = {}
         """The user's own keys, by the names of the actions."""
 
     def use_theme(self) -> None:
-        """Show the chosen colours, before anything is painted."""
+        """Use the chosen theme before anything is painted."""
         for theme in THEMES:
             self._app.register_theme(theme)
         chosen = self.loaded.values.theme
@@ -29,7 +29,7 @@ class SettingsController:
         """Apply all settings that need no restart; show the unusable ones."""
         shown, self.loaded = self.loaded.values.theme, loaded
         values = loaded.values
-        if values.theme != shown:  # else the one that was picked meanwhile stays
+        if values.theme != shown:  # otherwise, keep a theme picked meanwhile
             self.use_theme()
         if values.theme not in self._app.available_themes:
             problem = f"there is no theme “{values.theme}”; the settings list them"
@@ -48,7 +48,7 @@ class SettingsController:
             self._session.station.read_live(self._show_reading if values.live_reading else None)
 
     def _show_reading(self, text: str, reading: str) -> None:
-        """Show the reading of the `text` that is being typed, between two messages."""
+        """Show the reading of the `text` being typed, after the present message is handled."""
         if self._session.main is not None:
             self._app.call_later(self._session.main.show_reading, text, reading)
 

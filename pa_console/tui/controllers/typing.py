@@ -1,8 +1,8 @@
-"""Decides what a key does that no field takes: it acts, it waits for Enter, or it is text.
+"""The effect of a key that no field takes: it acts, it waits for Enter, or it is text.
 
-A letter never acts in the middle of a text. One that gives a command may be the first of a
-text, however slowly that comes, so it only chooses the command, and Enter gives it. While the
-approval panel has the keys, letters other than its own begin the reason.
+A letter never acts in the middle of a text. A letter with a command may be the first of a text,
+however slowly the text is typed. The letter therefore only chooses the command, and Enter gives it.
+While the approval panel has the focus, letters other than its own begin the reason.
 """
 
 from collections.abc import Callable
@@ -20,30 +20,33 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 
 TEXT_S = 0.5
-"""Two different keys that print, a letter among them, this close together are text."""
+"""The longest time between two keys of a text, seconds.
+
+Two different printable keys are text if at least one of them is a letter.
+"""
 
 CHOSEN_S = 5.0
-"""The time that a command waits for its Enter, and that a notice about keys is shown, seconds."""
+"""The time for which a command waits for Enter and a notice about keys is shown, seconds."""
 
 KeyTime = Callable[[events.Key], float]
-"""When a key was pressed, in seconds that only grow; replaced in tests."""
+"""A function for the time of a key, in seconds of a monotonic clock; tests replace it."""
 
 
 class TypedText:
-    """The keys that print, as long as each follows the one before closely.
+    """The printable keys that closely follow one another.
 
-    The same key again and again is no text, and neither are digits and signs without a letter.
+    The same key repeated is not text, and neither are digits and signs without a letter.
     """
 
     def __init__(self) -> None:
         self.keys = ""
         """The keys typed without a pause."""
         self.is_text = False
-        """True if the keys are a text and none of them is a command; so is the Enter at its end."""
+        """True if the keys are text; neither they nor the Enter after them is then a command."""
         self._last_s = 0.0
 
     def add(self, character: str, time_s: float) -> None:
-        """Take note of a key that prints, pressed at `time_s` seconds."""
+        """Add a printable key that was pressed at `time_s` seconds."""
         goes_on = bool(self.keys) and time_s - self._last_s < TEXT_S
         self.keys = self.keys + character if goes_on else character
         self._last_s = time_s
@@ -51,21 +54,21 @@ class TypedText:
         self.is_text = (goes_on and self.is_text) or (letters and len(set(self.keys)) > 1)
 
     def add_in_field(self, character: str, time_s: float) -> None:
-        """Take note of a key that went into a field: what follows it outside is text as well."""
+        """Add a key that went into a field; keys that closely follow it elsewhere are text too."""
         self.add(character, time_s)
         self.is_text = True
 
     def goes_on(self, time_s: float) -> bool:
-        """Return whether a key at `time_s` seconds follows the one before closely."""
+        """Return whether a key at `time_s` seconds closely follows the previous key."""
         return bool(self.keys) and time_s - self._last_s < TEXT_S
 
     def forget(self) -> None:
-        """Begin anew: a key that prints nothing came between, or the mouse."""
+        """Forget the keys, because the mouse or a key that prints nothing was used."""
         self.keys, self.is_text = "", False
 
 
 class KeyLine(Static):
-    """Stands in the footer's place; the screen below does not move."""
+    """A line about keys in place of the footer; the rest of the screen does not move."""
 
     DEFAULT_CSS = """
     KeyLine {
@@ -75,7 +78,7 @@ class KeyLine(Static):
     """
 
     def show(self, key: str, text: str) -> None:
-        """Show a text about a key, or about typing at all without one."""
+        """Show a text about a key, or about typing in general if `key` is empty."""
         self.update(Content.assemble((f"{key}  " if key else "", "bold"), text), layout=False)
 
 
@@ -86,7 +89,7 @@ class _PressedAction:
 
 
 class TypingController:
-    """Sees every key before anything else does, where something may be typed."""
+    """The first handler of every key on a console that accepts typed text."""
 
     def __init__(
         self, session: ConsoleSession, settings: SettingsController, key_time: KeyTime
@@ -130,9 +133,9 @@ class TypingController:
         return self._chooses(event, time_s)
 
     def _takes_alt_digit(self, event: events.Key) -> bool:
-        """Return whether the key is an effective Alt and digit, as some terminals send them.
+        """Return whether the key is Alt and a digit, as some terminals send it, and had an effect.
 
-        At the approval panel it looks at a reading, in the empty mission field it types an example.
+        At the approval panel, it shows a reading; in the empty mission field, it types an example.
         """
         if event.key not in ALT_DIGITS:
             return False
@@ -144,7 +147,7 @@ class TypingController:
         return main is not None and self._app.screen is main and main.type_example(number)
 
     def forget(self) -> None:
-        """Begin anew: the operator uses the mouse."""
+        """Reset after mouse input."""
         self._chosen = None
         self._drop_line()
         self._typed.forget()
@@ -152,7 +155,7 @@ class TypingController:
     async def _takes_other(
         self, event: events.Key, chosen: _PressedAction | None, time_s: float
     ) -> bool:
-        """Enter gives the chosen command, or ends a text; every other key acts."""
+        """Let Enter give the chosen command or end a text; return whether the key was used."""
         in_field = isinstance(self._app.focused, Input | TextArea)
         ends_text = event.key == "enter" and self._typed.is_text and not in_field
         self._typed.forget()
@@ -169,7 +172,7 @@ class TypingController:
 
     @property
     def _panel(self) -> ApprovalPanel | None:
-        """The approval panel, while one of its buttons or boxes has the keys."""
+        """The approval panel while one of its buttons or boxes has the focus; else None."""
         main = self._session.main
         if main is None or self._app.screen is not main:
             return None
@@ -192,7 +195,7 @@ class TypingController:
         return False
 
     def _lead_in(self, time_s: float) -> None:
-        """Give a reason its first letter, where that has led to the field before the second."""
+        """Insert the first letter of a reason if the letter was taken as a key of the panel."""
         first, field = self._typed.keys, self._app.focused
         leads = self._typed.goes_on(time_s) and not self._typed.is_text
         if leads and first in DECISION_KEYS and isinstance(field, Input) and field.id == REASON:
@@ -238,5 +241,5 @@ class TypingController:
 
 
 def _prints(event: events.Key) -> bool:
-    """Return whether the key types a character; one with Alt has a character and types none."""
+    """Return whether the key types a character; a key with Alt has a character but types none."""
     return event.is_printable and "+" not in event.key

@@ -1,1 +1,1 @@
-"""Draws the checkpoint from above into character cells; knows no widget."""
+"""The map of the site in character cells, independent of widgets."""

@@ -1,7 +1,7 @@
 """A grid of character cells with a role each, and the projection from metres to its cells.
 
-Roles become colours where the map is shown. Lines are finer than a cell: quarters of it as blocks,
-or eighths of it as braille dots. A cell is about twice as tall as wide.
+The map widget turns roles into colours. Lines are finer than a cell: they consist of quarters of a
+cell as blocks, or of eighths as braille dots. A cell is about twice as tall as wide.
 """
 
 from collections import defaultdict
@@ -15,13 +15,13 @@ from pa_console.schema.base import Point
 from pa_console.schema.world import World
 
 Cell = tuple[int, int]
-"""(column, row), row 0 at the top."""
+"""The column and row of a cell; row 0 is at the top."""
 
 Spot = tuple[float, float]
-"""(column, row) finer than a cell: the cell (3, 2) reaches from (3.0, 2.0) up to (4.0, 3.0)."""
+"""A column and row with fractions: cell (3, 2) reaches from (3.0, 2.0) up to (4.0, 3.0)."""
 
 Run = tuple[str, str]
-"""(text, role)"""
+"""A text and its role."""
 
 FREE = frozenset(
     ("", "background", "lane", "zone", "asset-field", "camera-field", "trail", "route")
@@ -30,21 +30,21 @@ FREE = frozenset(
 
 CELL_ASPECT = 2.0
 MOST_STRETCH = 1.7
-"""The largest widening of the plan, so that it fills a wide pane."""
+"""The largest factor by which the site is widened to fill a wide pane."""
 
 LANE_SHARE = 0.14
-"""The share of the site's size that the view reaches beyond it along the lanes."""
+"""The margin around the site in which lanes are shown, as a share of the site's size."""
 
 LANES_FROM_ROWS = 12
-"""A lower map is needed for the site itself."""
+"""The least height of a map with a margin for lanes; a lower map needs it for the site."""
 
 
 @dataclass
 class Canvas:
-    """Glyphs and roles of `width` x `height` cells; later drawings lie on top.
+    """The glyphs and roles of `width` x `height` cells; later drawings are on top.
 
-    `marks` maps a cell's marker to its assets and tracks, and `labels` to the cells of its leader
-    and names.
+    `marks` has the assets and tracks of each cell with a marker. `labels` has the cells of a
+    marker's leader and names.
     """
 
     width: int
@@ -72,7 +72,7 @@ class Canvas:
         return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height
 
     def put(self, cell: Cell, glyph: str, role: str) -> None:
-        """Draw one cell; outside the canvas nothing happens."""
+        """Draw one cell; do nothing outside the canvas."""
         if self.holds(cell):
             self.glyphs[cell[1]][cell[0]] = glyph
             self.roles[cell[1]][cell[0]] = role
@@ -107,7 +107,7 @@ class Canvas:
 
 
 class Strokes:
-    """Collects dots of a grid of 2 x 4 in each cell, to be drawn as one braille glyph each."""
+    """Dots on a grid of 2 x 4 in each cell; each cell is drawn as one braille glyph."""
 
     BITS: Sequence[Sequence[int]] = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
     """The bit of each dot in a cell, by row and column."""
@@ -118,7 +118,7 @@ class Strokes:
         self._cells: dict[Cell, int] = defaultdict(int)
 
     def line(self, start: Spot, end: Spot, *, period: int = 1, on: int = 1) -> None:
-        """Add a straight line; of `period` dots in a row the first `on` are drawn."""
+        """Add a straight line; the first `on` of every `period` dots are drawn."""
         cells, bits, down = self._cells, self.BITS, len(self.BITS)
         x, y = start[0] * 2, start[1] * down
         far_x, far_y = end[0] * 2 - x, end[1] * down - y
@@ -135,14 +135,14 @@ class Strokes:
             self.line(start, end, period=period, on=on)
 
     def draw(self, canvas: Canvas, role: str, over: Sequence[str] | frozenset[str] = ()) -> None:
-        """Draw all dots, in cells of a role in `over` only, if any is given."""
+        """Draw all dots; if `over` is given, draw only in cells with a role in it."""
         for cell, bits in self._cells.items():
             if canvas.holds(cell) and (not over or canvas.role(cell) in over):
                 canvas.put(cell, self.GLYPHS[bits], role)
 
 
 class Blocks(Strokes):
-    """The same with solid quarters of a cell, for what must not look thin."""
+    """Strokes of solid quarters of a cell, for lines that must not look thin."""
 
     BITS = ((1, 2), (4, 8))
     GLYPHS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
@@ -165,10 +165,10 @@ def touched(start: Spot, end: Spot, width: int, height: int) -> Iterator[Cell]:
 
 @dataclass(frozen=True)
 class Projection:
-    """Fits the site, and its lanes as far as useful, into `width` x `height` cells.
+    """The projection of the site, and of its lanes if useful, to `width` x `height` cells.
 
-    With `zoom` above 1 only that part of it is shown, around `centre` (the middle if None). The
-    scale is that of a view of the size `fit`, if one is given: a smaller view then shows less.
+    If `zoom` is above 1, only a part is shown, around `centre_on` (the middle if None). With `fit`,
+    the scale is that of a view of that size: a smaller view then shows less.
     """
 
     world: World
@@ -194,7 +194,7 @@ class Projection:
 
     @cached_property
     def whole(self) -> tuple[float, float, float, float]:
-        """West, south, east and north edge of everything, in metres."""
+        """The west, south, east and north edge of the unzoomed view, in metres."""
         world = self.world
         site = list(
             chain(
@@ -223,7 +223,7 @@ class Projection:
 
     @cached_property
     def _scale(self) -> tuple[float, float]:
-        """Cells per metre, across and down."""
+        """The number of cells per metre, across and down."""
         west, south, east, north = self._view
         width, height = self._fitted
         across = max(width - 3, 1) / max(east - west, 1.0)
@@ -235,17 +235,17 @@ class Projection:
 
     @cached_property
     def _centre(self) -> Spot:
-        """The middle of the canvas; that of a smaller one is whole cells off that of `fit`."""
+        """The middle of the canvas, a whole number of cells away from the middle of `fit`."""
         width, height = self._fitted
         return width / 2 - (width - self.width) // 2, height / 2 - (height - self.height) // 2
 
     @property
     def columns_per_metre(self) -> float:
-        """The number of columns of the canvas for a metre, from west to east."""
+        """The number of columns for a metre from west to east."""
         return self._scale[0]
 
     def spot(self, point: Point) -> Spot:
-        """Return where on the canvas a point in metres is; it may lie outside."""
+        """Return the spot of a point in metres; it may lie outside the canvas."""
         (x, y), (across, down), (column, row) = self._middle, self._scale, self._centre
         return column + (point[0] - x) * across, row - (point[1] - y) * down
 
@@ -260,10 +260,10 @@ class Projection:
         return 0 <= column < self.width and 0 <= row < self.height
 
     def centre(self, cell: Cell) -> Point:
-        """Return the point in metres that a cell's centre stands for."""
+        """Return the point in metres at the centre of a cell."""
         return self.point((cell[0] + 0.5, cell[1] + 0.5))
 
     def point(self, spot: Spot) -> Point:
-        """Return the point in metres that a spot on the canvas stands for."""
+        """Return the point in metres at a spot of the canvas."""
         (x, y), (across, down), (column, row) = self._middle, self._scale, self._centre
         return x + (spot[0] - column) / across, y - (spot[1] - row) / down

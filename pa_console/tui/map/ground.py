@@ -1,6 +1,6 @@
-"""Draws what does not move: background, lanes, zones, walls and frames.
+"""The fixed part of the map: background, lanes, zones, walls and frames.
 
-Walls and the edges of site and zones are barriers: no name may lie on or beyond one.
+Walls and the edges of the site and of zones are barriers: no name may lie on or beyond one.
 """
 
 import re
@@ -28,7 +28,7 @@ _COST = {
     "label": 60,
 }
 _CROWDED = 10
-"""The number of frames above which a name that would hide something is left out."""
+"""The most frames in a view before names that would hide something are left out."""
 
 _NO_PLACE = 40.0
 
@@ -47,7 +47,7 @@ class Barriers:
             self._rows[row][column] = 1
 
     def rows(self) -> list[bytearray]:
-        """Return for each row of the view a byte for each cell: 1 where a barrier touches it."""
+        """Return a byte for each cell of each row of the view: 1 if a barrier touches the cell."""
         return [row.copy() for row in self._rows]
 
     def __contains__(self, cell: Cell) -> bool:
@@ -55,7 +55,7 @@ class Barriers:
         return cell in self._lines
 
     def part(self, spot: Spot, cell: Cell, beside: Cell) -> bool:
-        """Return whether a barrier in `cell` separates a spot in it from the middle of `beside`."""
+        """Return whether a barrier in `cell` lies between `spot` and the middle of `beside`."""
         lines = self._lines.get(cell)
         if not lines:
             return False
@@ -82,17 +82,17 @@ def _cross(a: Spot, b: Spot, c: Spot, d: Spot) -> bool:
 
 @dataclass(frozen=True)
 class MapGround:
-    """A view of a world without anything that moves, and where the names of frames go."""
+    """A view of a world without anything that moves, and the places for the names of frames."""
 
     view: Projection
     canvas: Canvas
     barriers: Barriers
     names: dict[str, Cell]
-    """Frame -> where its name begins; in a crowded view some have none."""
+    """The cell where the name of each frame begins; in a crowded view, some frames have none."""
 
 
 def draw_ground(world: World, view: Projection, background: Background | None) -> MapGround:
-    """Draw everything that stays where it is, on the `background`.
+    """Draw everything that does not move, on top of the `background`.
 
     The names of frames are placed, but not written.
     """
@@ -123,7 +123,7 @@ def draw_ground(world: World, view: Projection, background: Background | None) -
 
 
 def _names(world: World, view: Projection, canvas: Canvas) -> dict[str, Cell]:
-    """Return where the names of frames hide least."""
+    """Return the cells where the names of frames hide least."""
     centre = view.cell(_middle(world.perimeter))
     shown = {name: frame for name, frame in world.frames.items() if view.shows(frame.at)}
     most = _NO_PLACE if len(shown) > _CROWDED else None
@@ -139,9 +139,9 @@ def _names(world: World, view: Projection, canvas: Canvas) -> dict[str, Cell]:
 def _place_name(
     canvas: Canvas, cell: Cell, text: str, *, away_from: Cell, most: float | None = None
 ) -> Cell | None:
-    """Return where beside `cell` a name hides least, on the side away from the centre.
+    """Return the cell beside `cell` where a name hides least, preferably away from the centre.
 
-    None when every place would hide `most` or more.
+    Returns None if every cell costs `most` or more.
     """
     column, row = cell
     outward = (column > away_from[0]) - (column < away_from[0])
@@ -163,7 +163,7 @@ def _place_name(
 
 
 def _hidden(canvas: Canvas, start: Cell, length: int) -> int:
-    """Return how much a text of `length` cells at `start` would hide or lose."""
+    """Return the cost of what a text of `length` cells at `start` would hide or lose."""
     cells = [(start[0] + offset, start[1]) for offset in range(-1, length + 1)]
     inside = [cell for cell in cells if canvas.holds(cell)]
     lost = 100 * (len(cells) - len(inside))
@@ -171,7 +171,7 @@ def _hidden(canvas: Canvas, start: Cell, length: int) -> int:
 
 
 def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequence[Point]) -> None:
-    """Hatch the cells that lie in a polygon as a whole."""
+    """Hatch the cells in a polygon that no barrier touches."""
     corners = [view.cell(point) for point in polygon]
     columns = range(
         max(min(c[0] for c in corners), 0), min(max(c[0] for c in corners) + 1, canvas.width)
@@ -188,9 +188,10 @@ def _hatch(canvas: Canvas, view: Projection, barriers: Barriers, polygon: Sequen
 
 
 def _shade(canvas: Canvas, view: Projection, background: Background) -> None:
-    """Shade what a robot's map has as occupied: every cell of it, or of the view if those are less.
+    """Shade the occupied cells of a robot's map.
 
-    So nothing gets lost in a view of the whole site, and nothing has gaps in a near one.
+    Every occupied cell is drawn, so that a view of the whole site omits none. If the cells of the
+    view are smaller, each of them is tested as well, so that a near view has no gaps.
     """
     (west, south), cell_m = background.origin, background.cell_m
     for number, row in enumerate(reversed(background.rows)):

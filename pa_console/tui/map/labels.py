@@ -1,4 +1,4 @@
-"""Places names beside fixed markers; a leader connects a name that is farther away.
+"""The placement of names beside fixed markers; a leader connects a name that is farther away.
 
 A name never hides a marker, and never lies on or beyond a wall or the edge of a zone.
 """
@@ -13,7 +13,7 @@ from pa_console.tui.map.canvas import Canvas, Cell, Run, Spot
 from pa_console.tui.map.ground import Barriers
 
 Block = Sequence[Sequence[Run]]
-"""Lines of a name, one below the other."""
+"""The lines of a name, one below the other."""
 
 LONGEST_LEADER = 7
 _LEADERS = {(1, 0): "─", (0, 1): "│", (1, 1): "╲", (1, -1): "╱"}
@@ -36,7 +36,7 @@ _NEXT_TO_NOTHING = 2.0
 
 
 class LabelPlacement(NamedTuple):
-    """One way to write a block beside a marker at (0, 0)."""
+    """A way to write a block beside a marker at (0, 0), and its cost."""
 
     cost: float
     leader: tuple[Cell, ...]
@@ -44,7 +44,7 @@ class LabelPlacement(NamedTuple):
 
 
 class Labels:
-    """Places names on one canvas, those given first get the better places."""
+    """The names on one canvas; names that are placed earlier get better places."""
 
     def __init__(self, canvas: Canvas, barriers: Barriers) -> None:
         self._canvas, self._barriers = canvas, barriers
@@ -53,14 +53,14 @@ class Labels:
             self.keep(cell)
 
     def keep(self, cell: Cell) -> None:
-        """Let no name hide a cell."""
+        """Protect a cell from being hidden by a name."""
         if self._canvas.holds(cell):
             self._taken[cell[1]][cell[0]] = 1
 
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
-        """Write a line at a certain place, unless a marker is in its way; returns whether not.
+        """Write a line at `start` unless a marker is in the way; return whether it was written.
 
-        With `keep` no other name hides it.
+        With `keep`, no other name hides the line.
         """
         cells = [(start[0] + n, start[1]) for n in range(sum(len(text) for text, _ in line))]
         if not self._canvas.marks.keys().isdisjoint(cells):
@@ -75,8 +75,8 @@ class Labels:
     ) -> list[Cell]:
         """Write `block` beside the marker in the cell `at`, whose assets are at `spots`.
 
-        `gap` cells stay free between marker and name; a place that costs `most` is too bad.
-        Returns the cells of leader and name; none if there was no room.
+        `gap` cells stay free between the marker and the name. The cost of the place must be below
+        `most`. Returns the cells of the leader and the name; none if there was no room.
         """
         width, height = max(sum(len(text) for text, _ in line) for line in block), len(block)
         best, least = None, most
@@ -90,7 +90,7 @@ class Labels:
         return [] if best is None else self._write(at, best, block, width)
 
     def extend(self, cells: list[Cell], text: str, role: str) -> None:
-        """Add a text after a name that was placed, or before it, where it hides next to nothing.
+        """Add a text after a placed name, or before it, if the text hides next to nothing.
 
         The cells of the text are added to `cells`.
         """
@@ -194,7 +194,7 @@ def _corners(here: Cell, there: Cell) -> Iterator[Cell]:
 
 @lru_cache(maxsize=256)
 def _places(width: int, height: int, gap: int) -> tuple[LabelPlacement, ...]:
-    """Return all ways to write a block of that many cells, the best first."""
+    """Return all ways to write a block of `width` x `height` cells, the best first."""
     return tuple(sorted(_all_places(width, height, gap)))
 
 

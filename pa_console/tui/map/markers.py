@@ -1,6 +1,6 @@
-"""Signs and markers of assets, tracks and cameras, each in its cell with its name beside it.
+"""Symbols and markers of assets, tracks and cameras, each in its cell with its name beside it.
 
-A cell with several shows their number; names make room, markers do not.
+A cell with several markers shows their number. Names make room for each other; markers do not.
 """
 
 from collections import defaultdict
@@ -16,23 +16,26 @@ from pa_console.tui.status_words import Reliance, term
 _ARROWS = "→↗↑↖←↙↓↘"
 _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
 WIDE_UNCERTAINTY_M = 5.0
-"""The uncertainty from which it is written beside a track, metres."""
+"""The least uncertainty that is written beside a track, metres."""
 
 TROUBLE = frozenset(("down", "stale", "suspect"))
-"""The roles of assets that cannot be counted on."""
+"""The roles of assets that cannot be relied on."""
 
 MOST_DIGIT = 9
-"""A cell with more assets shows a plus, and the number beside it where there is room."""
+"""The highest number that a cell shows as a digit; it shows a higher one as a plus.
+
+The number is then written beside the cell if there is room.
+"""
 
 POINTER = "▸"
 MOST_NAMES = 9
-"""A cell with more things than this shows their number only."""
+"""The most names beside a cell; for more, only their number is written."""
 
 DETAIL_FROM_COLUMNS = 60
-"""A narrower map has no room for batteries that are not low."""
+"""The least width of a map that shows charges that are not low, columns."""
 
 NAMES_FROM_ROWS = 12
-"""The height below which a map has no leaders for the names of dimmed things."""
+"""The least height of a map with leaders to the names of dimmed markers, rows."""
 
 _WITHOUT_LEADER = 2.0
 """The cost of the nearest place with a leader, if it hides nothing."""
@@ -44,10 +47,10 @@ _PRESSING = TROUBLE | {"crowd-down", "crowd-stale"}
 
 
 class Symbol(NamedTuple):
-    """The symbol of one thing: `glyph` at its place, `name` and `note` beside it.
+    """A symbol on the map: `glyph` in its cell, `name` and `note` beside it.
 
-    `warning` and `detail` follow the name of an asset whose report is fresh, the detail only if
-    there is room.
+    `warning` and `detail` follow the name of an asset with a fresh report, the detail only if there
+    is room.
     """
 
     glyph: str
@@ -66,11 +69,10 @@ def arrow(heading_deg: float) -> str:
 def asset_symbol(
     asset: AssetTelemetry, short: Mapping[str, str], look: Reliance, *, health: bool = True
 ) -> Symbol:
-    """Return e.g. `→ D1`, or `? D1 7s` when the last report is 7 s old and proves nothing more.
+    """Return the symbol of an asset: `→ D1`, or `? D1 7s` if its last report is 7 s old.
 
-    An asset under manual control has the sign of that in place of its heading.
-
-    A low battery and a weak link follow the name, e.g. `→ D1 19%▼◐`, unless `health` is false.
+    The sign for manual control replaces the heading. A low battery and a weak link follow the name,
+    as in `→ D1 19%▼◐`, unless `health` is False.
     """
     name = short.get(asset.id, asset.id[:2])
     state = look.report(asset)
@@ -92,7 +94,10 @@ def asset_symbol(
 
 
 def track_symbol(track: Track, number: str, look: Reliance) -> Symbol:
-    """Return e.g. `■ ?1` (an unknown vehicle) or `■ ‼2` (a hostile one); if unseen, with an age."""
+    """Return the symbol of a track: `■ ?1` for an unknown vehicle, `■ ‼2` for a hostile one.
+
+    The symbol of a lost track has the age of its last detection.
+    """
     hostile = track.intent == "hostile"
     sign = term("intent", "hostile") if hostile else term("identity", track.identity)
     glyph, name = _TRACK_GLYPHS[track.kind], f"{sign.glyph}{number}"
@@ -103,7 +108,7 @@ def track_symbol(track: Track, number: str, look: Reliance) -> Symbol:
 
 
 def camera_symbol(camera: CameraReport, look: Reliance) -> Symbol:
-    """Return the sign of a gate camera; one that works needs no name."""
+    """Return the symbol of a gate camera; a working camera has no name."""
     state = look.camera(camera)
     glyph = term("camera", state).glyph
     return (
@@ -112,14 +117,14 @@ def camera_symbol(camera: CameraReport, look: Reliance) -> Symbol:
 
 
 def count_glyph(count: int) -> str:
-    """Return the one glyph for that many things in a cell."""
+    """Return the glyph for a number of markers in one cell."""
     return str(count) if count <= MOST_DIGIT else "+"
 
 
 def crowd_symbol(roles: Sequence[str]) -> Symbol:
-    """Return e.g. `5`, `5 ✘2` when two of the five cannot be counted on, or `+ 12`.
+    """Return the symbol of several assets, such as `5`, `+ 12`, or `5 ✘2` if two are in trouble.
 
-    `roles` are those of the assets' own symbols.
+    `roles` are the roles of the assets' own symbols.
     """
     down = [role for role in roles if role in TROUBLE]
     glyph = count_glyph(len(roles))
@@ -132,14 +137,14 @@ def crowd_symbol(roles: Sequence[str]) -> Symbol:
 
 
 def edge_arrow(right: int, down: int) -> str:
-    """Return the arrow towards a thing that many cells beyond the edge, in at least one way."""
+    """Return the arrow towards a place beyond the edge, `right` and `down` cells away."""
     if down:
         return ("↖↑↗" if down < 0 else "↙↓↘")[1 + (right > 0) - (right < 0)]
     return "→" if right > 0 else "←"
 
 
 class Marker(NamedTuple):
-    """One asset or track: its id, where on the canvas it is, and how it is shown."""
+    """The marker of one asset or track: its id, its spot on the canvas, and its symbol."""
 
     id: str
     spot: Spot
@@ -148,7 +153,7 @@ class Marker(NamedTuple):
 
     @property
     def in_list(self) -> str:
-        """Its name in a list, if its cell shows a number."""
+        """The name in a list, for a cell that shows a number."""
         symbol = self.symbol
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
@@ -160,7 +165,7 @@ class Markers:
     """All markers of one picture on one canvas, by their cells."""
 
     def __init__(self, canvas: Canvas, markers: Iterable[Marker], pointed_at: str) -> None:
-        """Mark things beyond the canvas at its edge; `pointed_at` gets a pointer."""
+        """Put markers beyond the canvas at its edge; the marker `pointed_at` gets a pointer."""
         self._right, self._bottom = canvas.width - 1, canvas.height - 1
         self._pointed_at = pointed_at
         self._detailed = canvas.width >= DETAIL_FROM_COLUMNS
@@ -176,7 +181,7 @@ class Markers:
         canvas.marks = {at: tuple([m.id for m in here]) for at, here in cells.items()}
 
     def _symbol(self, at: Cell, here: Sequence[Marker]) -> Symbol:
-        """Return what the cell of a marker shows: its only thing, or how many there are."""
+        """Return the symbol of a cell: that of its only marker, or the number of its markers."""
         symbol = here[0].symbol if len(here) == 1 else _together(here)
         beyond = self._beyond(at, here)
         return symbol._replace(glyph=beyond) if beyond else symbol
@@ -187,17 +192,17 @@ class Markers:
             canvas.put(at, symbol.glyph, symbol.role)
 
     def _beyond(self, at: Cell, here: Sequence[Marker]) -> str:
-        """Return an arrow towards what lies beyond the edge; '' where something is in the cell."""
+        """Return an arrow towards markers beyond the edge; '' if a marker is in the cell itself."""
         if 0 < at[0] < self._right and 0 < at[1] < self._bottom:
             return ""
         ways = [(floor(m.spot[0]) - at[0], floor(m.spot[1]) - at[1]) for m in here]
         return "" if (0, 0) in ways else edge_arrow(*ways[0])
 
     def name(self, canvas: Canvas, labels: Labels, first: Sequence[Cell], *, crowded: bool) -> None:
-        """Write the names of all, those in the cells `first` and the most urgent before others.
+        """Write the names, those of the cells in `first` and the most urgent before the others.
 
-        In a crowded view only what matters is written. On a low map dimmed things come last and
-        are named beside their markers only.
+        In a crowded view, only important names are written. On a low map, dimmed markers come last
+        and get no leader.
         """
         details: list[tuple[list[Cell], str]] = []
         low = canvas.height < NAMES_FROM_ROWS
@@ -220,7 +225,7 @@ class Markers:
             labels.extend(cells, detail, "detail")
 
     def unnamed(self, canvas: Canvas) -> list[Cell]:
-        """Return the cells of markers beside which nothing is written."""
+        """Return the cells of markers without any text beside them."""
         return [at for at in self._cells if at not in canvas.labels]
 
     def _dimmed(self, at: Cell) -> bool:
@@ -251,7 +256,7 @@ class Markers:
     def _name_several(
         self, labels: Labels, at: Cell, here: Sequence[Marker], most: float
     ) -> list[list[Cell]]:
-        """Write all names in one block, or else each where there is room."""
+        """Write all names in one block, or else each name for which there is room."""
         spots = [marker.spot for marker in here]
         for rows in range(1, min(len(here), 3) + 1):
             size = -(-len(here) // rows)
@@ -277,7 +282,7 @@ class Markers:
     def _name_crowd(
         self, labels: Labels, at: Cell, here: Sequence[Marker], *, crowded: bool
     ) -> list[list[Cell]]:
-        """Write the facts that a number alone hides: assets in trouble, and numbers above nine."""
+        """Write what a number hides: tracks, assets in trouble, and numbers above nine."""
         symbol, spots, cells = self._symbols[at], [marker.spot for marker in here], list[Cell]()
         if tracks := [marker for marker in here if marker.is_track]:
             cells = labels.place(at, spots, [list(self._listed(tracks))], gap=1)
@@ -289,7 +294,7 @@ class Markers:
 
 
 def _together(here: Sequence[Marker]) -> Symbol:
-    """Return the symbol of several things in one cell."""
+    """Return the symbol of several markers in one cell."""
     roles = [marker.symbol.role for marker in here]
     if any(marker.is_track for marker in here):
         tracks = [marker.symbol.role for marker in here if marker.is_track]

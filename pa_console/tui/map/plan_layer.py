@@ -1,4 +1,4 @@
-"""Draws a plan that has not run yet over the picture: ghost routes, arrivals, cover of gates."""
+"""The map's layer for a plan that has not run yet: routes, arrivals, cover of gates."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -15,16 +15,16 @@ ARRIVAL = "◎"
 """The mark of a destination."""
 
 MOST_NAMED = 3
-"""The number of arrivals at one place that are named there, each with the seconds."""
+"""The most arrivals at one place that are named there, each with its time in seconds."""
 
 FARTHEST = 4.0
-"""The cost up to which a text stands beside its place; a worse one stands behind the name."""
+"""The highest cost of a text beside its place; a costlier one follows the place's name."""
 
 MOST_SOLID = 16
-"""The number of ways above which they are dotted: drawn in full they would be one spot."""
+"""The most routes drawn as solid lines; more routes are dotted, so that they can be told apart."""
 
 DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
-"""The style of things that a plan does not concern; trouble and threats are never dimmed."""
+"""The roles that are dimmed if the plan does not concern them; trouble and threats are not."""
 
 _ROUTE_OVER = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
 
@@ -42,7 +42,7 @@ class PlanLayer:
         return name not in self.preview.involved
 
     def draw_routes(self, canvas: Canvas, view: Projection) -> None:
-        """Draw the remaining way of every moving asset, and its end."""
+        """Draw the rest of the route of every moving asset, and its destination."""
         strokes, ends = Strokes(), list[tuple[int, int]]()
         period = 1 if len(self.preview.ways) <= MOST_SOLID else 3
         for name in self.preview.ways:
@@ -57,9 +57,9 @@ class PlanLayer:
             canvas.put(cell, ARRIVAL, "arrival")
 
     def write(self, labels: Labels, ground: MapGround, world: World) -> None:
-        """Write at every place who comes there when, and what becomes of its cover.
+        """Write the arrivals at every place, with their times, and the change of its cover.
 
-        Without room beside the place it stands behind the place's name.
+        If there is no room beside the place, the text follows the place's name.
         """
         view = ground.view
         changes = self.preview.cover_changes
@@ -79,7 +79,7 @@ class PlanLayer:
     def _lines(
         self, change: CoverChange | None, place: str, coming: tuple[str, ...]
     ) -> Iterator[list[Run]]:
-        """Yield the texts for a place, and shorter ones for little room."""
+        """Yield the text for a place, and then shorter texts for less room."""
         yield list(self._line(change, self._coming(place, coming)))
         if coming:
             yield list(self._line(change, f"+{len(coming)}"))
@@ -108,7 +108,7 @@ class PlanLayer:
 
 @lru_cache(maxsize=4096)
 def dimmed(symbol: Symbol) -> Symbol:
-    """Return the sign of what a plan does not concern; what is in trouble keeps its own."""
+    """Return the dimmed symbol, for what a plan does not concern; trouble keeps its own symbol."""
     if symbol.role not in DIMMED:
         return symbol
     return symbol._replace(role="dimmed", detail="")

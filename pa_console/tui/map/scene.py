@@ -1,4 +1,4 @@
-"""Draws the picture over the ground: routes, gates, fields of view, assets, tracks, contacts."""
+"""The map of a picture: the ground, routes, gates, fields of view, assets, tracks and contacts."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -27,7 +27,7 @@ from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.status_words import Reliance, cover_state, short_names, term, track_names
 
 RAY_DEG = 7.5
-"""The angle between two rays of an outline."""
+"""The angle between two rays of an outline, degrees."""
 
 OVER_WALLS: AssetKind = "uav"
 """The kind of asset whose sight no wall blocks."""
@@ -42,11 +42,11 @@ Sensors = Literal["", "cameras", "all"]
 Line = tuple[Point, Point]
 
 _ADJOINING = 2.0
-"""The discount of a place right beside a marker, if it hides nothing."""
+"""The highest cost of a place right beside a marker that hides nothing."""
 
 CONTACT_GLYPH, CONTACT_ROLE = "◌", "contact"
 MOST_NAME = 14
-"""A longer call sign is cut on the map; the event list has it whole."""
+"""The longest call sign on the map, in cells; the event list has it whole."""
 
 _FREE = FREE | {"wall"}
 ROLES = (
@@ -59,17 +59,17 @@ ROLES = (
     "contact",
 )  # fmt: skip
 CELLS_PER_NAME = 48
-"""The room for each asset below which only important names are written."""
+"""The least number of cells for each asset; with fewer, only important names are written."""
 
 MOST_RETRIES = 2
-"""The number of attempts to place names, each beginning with the names that found no room."""
+"""The most retries to place names; each begins with the names that found no room."""
 
 Window = tuple[float, Point | None]
-"""The zoom of the map, and its centre."""
+"""The zoom of the map, and its centre; None is the middle of the site."""
 
 
 def camera_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tuple[Point, ...]]:
-    """Yield the outline of what each camera sees that works, a closed line in metres."""
+    """Yield the field of view of each working camera, as a closed line in metres."""
     walls = tuple((wall.start, wall.end) for wall in world.walls)
     for name, camera in world.cameras.items():
         report = picture.cameras.get(name)
@@ -79,7 +79,7 @@ def camera_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tu
 
 
 def asset_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tuple[Point, ...]]:
-    """Yield the outline of what each asset sees that can be relied on, a closed line in metres."""
+    """Yield the field of view of each reliable asset, as a closed line in metres."""
     walls = tuple((wall.start, wall.end) for wall in world.walls)
     for asset in picture.assets.values():
         sensor = world.platforms.get(asset.kind)
@@ -93,9 +93,9 @@ def asset_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tup
 def outline(
     at: Point, heading_deg: float, reach_m: float, width_deg: float, *, walls: tuple[Line, ...]
 ) -> tuple[Point, ...]:
-    """Return the edge of what a sensor sees, a closed line in metres; `walls` block its sight.
+    """Return the edge of a sensor's view, a closed line in metres; `walls` block the view.
 
-    `width_deg` is its field of view.
+    `width_deg` is the sensor's field of view.
     """
     count = max(round(width_deg / RAY_DEG), 2)
     step, first_deg = width_deg / count, heading_deg - width_deg / 2
@@ -112,7 +112,7 @@ def outline(
 def _rays_towards(
     at: Point, wall: Line, first_deg: float, step_deg: float, count: int
 ) -> Iterator[int]:
-    """Yield the numbers of the rays, of 0 to `count`, that may meet a wall."""
+    """Yield the numbers of the rays, from 0 to `count`, that may meet a wall."""
     start, end = (degrees(atan2(y - at[1], x - at[0])) for x, y in wall)
     width = (end - start + FULL_DEG / 2) % FULL_DEG - FULL_DEG / 2
     offset = (min(start, start + width) - first_deg) % FULL_DEG
@@ -122,7 +122,7 @@ def _rays_towards(
 
 
 def _meets(at: Point, ray: Point, wall: Line) -> float:
-    """Return how far away a ray meets a wall, in metres; infinite if it does not."""
+    """Return the distance at which a ray meets a wall, in metres; infinite if it does not."""
     (start_x, start_y), (end_x, end_y) = wall
     x, y, along_x, along_y = start_x - at[0], start_y - at[1], end_x - start_x, end_y - start_y
     cross = ray[0] * along_y - ray[1] * along_x
@@ -133,7 +133,7 @@ def _meets(at: Point, ray: Point, wall: Line) -> float:
 
 
 class _LooseName(NamedTuple):
-    """A frame's name that may be hidden: each cell, its glyph, and what is beneath it."""
+    """A frame's name that may be hidden: each cell, its glyph, and the content beneath it."""
 
     frame: Frame
     run: Run
@@ -141,9 +141,9 @@ class _LooseName(NamedTuple):
 
 
 class Frames:
-    """Draws the frames of a picture; a gate shows whether it is covered, uncovered or unknown.
+    """The frames of a picture; a gate shows whether it is covered, uncovered or unknown.
 
-    A marker on a frame goes before the frame's sign, which then stands beside it.
+    A marker on a frame takes the place of the frame's sign, which is then written beside it.
     """
 
     def __init__(
@@ -154,14 +154,14 @@ class Frames:
         picture: Picture,
         involved: Collection[str] | None = None,
     ) -> None:
-        """Covered gates that are not among those `involved` are dimmed, None dims nothing."""
+        """Dim covered gates that are not `involved` in a plan; None dims nothing."""
         self._canvas, self._labels, self._view = canvas, labels, view
         self._covers, self._involved = picture.gates, involved
         self._displaced: list[tuple[Frame, Run]] = []
         self._loose: list[_LooseName] = []
 
     def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
-        """Draw signs, and those names that must be seen or have no marker in their way."""
+        """Draw the signs, and the names that must be seen or have no marker in their way."""
         shown = {name: frame for name, frame in frames.items() if self._view.shows(frame.at)}
         for name in sorted(shown, key=lambda name: not self._urgent(name)):
             frame, at = shown[name], places.get(name)
@@ -190,7 +190,7 @@ class Frames:
                     self._place(frame, line[:1], most=_ADJOINING)
 
     def erase_hidden(self) -> None:
-        """Remove a name that another one hides in part, because it cannot be read."""
+        """Remove names that are partly hidden by others, because they cannot be read."""
         for frame, run, written in self._loose:
             canvas, role = self._canvas, run[1]
             left = [
@@ -205,7 +205,7 @@ class Frames:
             self._displaced.append((frame, run))
 
     def name_displaced(self) -> None:
-        """Write the other names where assets have left room for them."""
+        """Write the remaining names where the markers have left room for them."""
         for frame, name in self._displaced:
             self._place(frame, [name])
 
@@ -245,7 +245,7 @@ class _Drawn(NamedTuple):
 
 
 class Contacts:
-    """The contacts that are in sight; where `whole` is, those beyond it are at its edge."""
+    """The contacts in view; if the `whole` site is shown, others are drawn at the map's edge."""
 
     def __init__(
         self,
@@ -266,7 +266,7 @@ class Contacts:
                 self._drawn.append(_Drawn(at, spot, contact))
 
     def draw(self, canvas: Canvas, labels: Labels | None) -> None:
-        """Draw each on an empty cell, and with `labels` its name if that hides nothing."""
+        """Draw each contact on an empty cell; with `labels`, add its name if that hides nothing."""
         for at, (column, row), _ in self._drawn:
             if canvas.role(at) in _FREE:
                 way = floor(column) - at[0], floor(row) - at[1]
@@ -289,13 +289,13 @@ class Contacts:
 
 
 def short_name(name: str) -> str:
-    """Return `name` for a row of cells: short, and each of its characters one cell wide."""
+    """Return `name` for the map: shortened, and with characters that are one cell wide."""
     plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
     return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
 
 
 def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: int) -> Strokes:
-    """Return lines in metres, with `on` visible dots of each `period`."""
+    """Return the strokes for lines in metres, with `on` visible dots in each `period`."""
     strokes = Strokes()
     for line in lines:
         strokes.path([view.spot(point) for point in line], period=period, on=on)
@@ -303,7 +303,7 @@ def _lines(view: Projection, lines: Iterable[Sequence[Point]], period: int, on: 
 
 
 class MapScene:
-    """Draws one world; the ground is drawn once for each size and window."""
+    """The map of one world; its ground is drawn once for each size and window."""
 
     def __init__(self, world: World) -> None:
         self.world = world
@@ -318,7 +318,7 @@ class MapScene:
         return draw_ground(self.world, view, self._background)
 
     def lay(self, background: Background) -> None:
-        """Draw `background` beneath everything from now on."""
+        """Use `background` beneath everything from now on."""
         if background is not self._background:
             self._background = background
             self._ground.cache_clear()
@@ -337,10 +337,10 @@ class MapScene:
         fit: tuple[int, int] | None = None,
         contacts: Collection[ReportedContact] = (),
     ) -> Canvas:
-        """Return the map of `width` x `height` cells; without a picture only the ground.
+        """Return the map of `width` x `height` cells; without a picture, only the ground.
 
-        `marked` is the asset or track with a pointer, `trails` are the paths behind assets and
-        tracks, in metres; `sensors` selects the fields of view to show, and `plan` is drawn on top
+        `marked` is the asset or track with a pointer. `trails` are the paths behind assets and
+        tracks, in metres. `sensors` selects the fields of view to show. `plan` is drawn on top
         before it runs. The scale is that of a map of the size `fit`. `contacts` are reports by
         others; they are drawn only in empty cells.
         """
@@ -379,7 +379,7 @@ class MapScene:
         markers.draw(canvas)
 
         def name(first: Sequence[Cell] = ()) -> Canvas:
-            """Return a copy with all names for which there is room, of the cells `first` first."""
+            """Return a copy with all names that fit, beginning with the cells in `first`."""
             named = canvas.copy()
             labels = Labels(named, ground.barriers)
             broken = [camera for camera in cameras if camera[2].name]

@@ -1,1 +1,1 @@
-"""One module per screen."""
+"""The screens of the console, one module each."""

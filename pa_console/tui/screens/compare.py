@@ -23,17 +23,17 @@ from pa_console.views.comparison import ENDED, EventDifference, SessionCompariso
 from pa_console.views.event_words import event_in_words, kind_in_words
 
 TALL = 30
-"""Rows from which on there is room for the maps."""
+"""The least height of a screen with maps, rows."""
 
 SHORT = 40
-"""Two values that are no longer than this together stand in one row."""
+"""The greatest length of two values, taken together, that share a row."""
 
 BEFORE, AFTER = 6, 3
 """The numbers of events shown before and after the first difference."""
 
 
 class CompareScreen(ModalScreen[None]):
-    """The events around the difference in both, the maps where there is room, and what differs."""
+    """The events around a difference, the maps if there is room, and the values that differ."""
 
     BINDINGS = [
         Binding("escape,q", "dismiss", "Back"),
@@ -50,7 +50,7 @@ class CompareScreen(ModalScreen[None]):
         self._problem = ""
 
     def compose(self) -> ComposeResult:
-        """Yield the title, a column for each recording, and what differs."""
+        """Yield the title, a column for each recording, and the values that differ."""
         yield Static(" COMPARE  reading …", id="compare-title", markup=False)
         with Horizontal(id="compare-sides"):
             for place, side in enumerate(self._sides):
@@ -67,7 +67,7 @@ class CompareScreen(ModalScreen[None]):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """Compare, once the screen is there."""
+        """Compare the recordings, once the screen is mounted."""
         self.query_one("#compare-changes").border_title = "What differs"
         self.query_one("#compare-changes").focus()
         self.run_worker(self._compare, thread=True, exit_on_error=False)
@@ -80,25 +80,25 @@ class CompareScreen(ModalScreen[None]):
         self.app.call_from_thread(self._show)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Make room for the maps, or for nothing but the events."""
+        """Show the maps only if there is room for them."""
         self.set_class(event.size.height < TALL, "-low")
         self.call_after_refresh(self._show)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offer the second difference only where there is one."""
+        """Offer the second difference only if there is one."""
         if action == "other":
             return self._found is not None and self._found.beyond is not None
         return super().check_action(action, parameters)
 
     @property
     def shown(self) -> EventDifference | None:
-        """The difference that is looked at."""
+        """The shown difference; None if there is none."""
         if self._found is None:
             return None
         return self._found.beyond if self._beyond else self._found.first
 
     def action_other(self) -> None:
-        """Go from a difference in telemetry to the first one beyond it, or back."""
+        """Switch between the first difference and the first one beyond telemetry."""
         self._beyond = not self._beyond
         self._show()
 
@@ -116,7 +116,7 @@ class CompareScreen(ModalScreen[None]):
         )
 
     def _at(self, place: int) -> int:
-        """Return the event of the difference, or the last one there is."""
+        """Return the number of the event at the difference, or of the last event."""
         last = len(self._sides[place].recording) - 1
         if self.shown is None:
             return last
@@ -156,7 +156,7 @@ class CompareScreen(ModalScreen[None]):
 def heading(
     found: SessionComparison | None, shown: EventDifference | None, problem: str, *, beyond: bool
 ) -> Content:
-    """Return the heading with the place where the recordings part."""
+    """Return the heading, with the event at which the recordings differ."""
     parts: list[tuple[str, str] | str] = [(" COMPARE ", "bold reverse $text-warning"), "  "]
     if problem or found is None:
         parts.append((problem, BAD))
@@ -175,7 +175,7 @@ def heading(
 
 
 def around(recording: Recording, at: int, width: int) -> tuple[WrappedRow, ...]:
-    """Return a row, `width` cells wide, for the events before `at`, for it, and for those after."""
+    """Return rows, `width` cells wide, for event `at` and the events just before and after it."""
     rows: list[WrappedRow] = []
     for index in range(max(at - BEFORE, 0), min(at + AFTER + 1, len(recording))):
         event = recording[index]
@@ -197,7 +197,7 @@ def around(recording: Recording, at: int, width: int) -> tuple[WrappedRow, ...]:
 def change_rows(
     found: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
 ) -> tuple[WrappedRow, ...]:
-    """Return what differs in how the sessions were started, and at the difference, A over B."""
+    """Return the differences at the start of the sessions and at the shown event, A over B."""
     rows: list[WrappedRow] = []
     if found.started:
         rows.append(row("", ("They were started differently", f"bold {NOTE}")))

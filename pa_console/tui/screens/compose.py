@@ -1,4 +1,4 @@
-"""Ways to an order: one of many lines, narrowed by typed words; the card of a thing on the map."""
+"""Screens that lead to an order: a list narrowed by typed words, and the card of a map item."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
@@ -27,10 +27,10 @@ from pa_console.tui.widgets.still import STILL_ROWS, ReadStill, StillView
 PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
 WIDTH = 46
-"""Cells of a card; it is as high as what is on it."""
+"""The width of a card, cells; its height depends on its content."""
 
 GIVE = "give"
-"""The effect of a line whose order is given at once: it moves no asset."""
+"""The effect of a choice with an order that is sent at once; it moves no asset."""
 
 
 class ChoiceLine(NamedTuple):
@@ -41,7 +41,7 @@ class ChoiceLine(NamedTuple):
 
 
 class LineRows(VirtualRows):
-    """A row a line; the pointer is shown while the field above has the keys."""
+    """The lines to choose from; the pointer is shown while the field above has the focus."""
 
     can_focus = False
 
@@ -55,7 +55,7 @@ class LineRows(VirtualRows):
         self.set_keys(list(self._notes))
 
     def row(self, index: int, width: int) -> Content:
-        """Return a line with its note at the right, which goes first when room is short."""
+        """Return a line with its note at the right; the note is dropped first if room is short."""
         key = self.keys[index]
         pointed, note = key == self.cursor, self._notes[key]
         text = Content.styled(visible_line(key), "bold" if pointed else "")
@@ -70,7 +70,7 @@ class LineRows(VirtualRows):
 
 
 class ChooseLine(ModalScreen[str | None]):
-    """Returns the text of the line that was chosen, or None; nothing else happens here."""
+    """A list that returns the text of the chosen line, or None."""
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back"),
@@ -88,10 +88,10 @@ class ChooseLine(ModalScreen[str | None]):
         more: Callable[[], Iterator[list[ChoiceLine]]] | None = None,
         remove: Callable[[str], list[ChoiceLine]] | None = None,
     ) -> None:
-        """Show the lines; `nothing` is shown when there is none.
+        """Show the lines, or the text `nothing` if there are none.
 
-        `more` yields all lines anew, more of them each time; it runs in a thread. `remove` takes a
-        line away and returns the rest; it raises ValueError or OSError.
+        `more` runs in a thread and yields the whole list several times, each time with more lines.
+        `remove` removes a line and returns the others; it raises ValueError or OSError.
         """
         super().__init__()
         self._title, self._lines, self._nothing = title, list(lines), nothing
@@ -99,14 +99,14 @@ class ChooseLine(ModalScreen[str | None]):
         self._reads = more is not None
 
     def compose(self) -> ComposeResult:
-        """Yield the field, the list and what can be done."""
+        """Yield the field, the list and the hint."""
         with Vertical(id="choose"):
             yield LineField(id="choose-words", placeholder="type any words of it")
             yield LineRows(id="choose-list")
             yield Static(id="choose-note", markup=False)
 
     def on_mount(self) -> None:
-        """Start in the field."""
+        """Focus the field, and begin to read more lines."""
         self.query_one("#choose").border_title = Content(self._title)
         self.query_one(Input).focus()
         self._show()
@@ -114,7 +114,7 @@ class ChooseLine(ModalScreen[str | None]):
             self.run_worker(self._read, thread=True, group="lines", exit_on_error=False)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the delete key to the field where no line can be removed, or words are typed."""
+        """Leave the delete key to the field if no line can be removed or if words are typed."""
         if action == "remove":
             return self._remove is not None and not self.query_one(Input).value
         return super().check_action(action, parameters)
@@ -169,7 +169,7 @@ class ChooseLine(ModalScreen[str | None]):
         self.dismiss(event.key)
 
     def on_click(self, event: events.Click) -> None:
-        """Go back when the click is beside the list."""
+        """Go back if the click is beside the list."""
         if event.widget is self:
             self.dismiss(None)
 
@@ -190,7 +190,7 @@ class ChooseLine(ModalScreen[str | None]):
 
 
 class CardChoice(NamedTuple):
-    """A line of the card: it types `order`, gives it at once, or is the console's action `does`."""
+    """A line of a card: it types `order`, sends it at once, or has the effect `does`."""
 
     name: str
     order: str = ""
@@ -207,9 +207,9 @@ MAP_CHOICES = (
 
 
 def asset_choices(asset: AssetTelemetry, *, taken: bool) -> list[CardChoice]:
-    """Return the possible orders to this asset; one that has failed can only be looked at.
+    """Return the choices for this asset; a failed asset can only be followed.
 
-    Under manual control it takes none: if it was `taken` here, it can be given back.
+    An asset under manual control takes no orders. If it was `taken` here, it can be given back.
     """
     if taken:
         return [FOLLOW, CardChoice("Give back (m)", f"Give {asset.id} back.", GIVE)]
@@ -224,7 +224,7 @@ def asset_choices(asset: AssetTelemetry, *, taken: bool) -> list[CardChoice]:
 
 
 def track_choices(track: Track, world: World) -> list[CardChoice]:
-    """Return what the team can do about a track."""
+    """Return the choices for a track: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
     found: list[CardChoice] = []
     if "uav" in kinds:
@@ -238,7 +238,7 @@ def track_choices(track: Track, world: World) -> list[CardChoice]:
 
 
 def frame_choices(name: str, world: World) -> list[CardChoice]:
-    """Return what can be ordered for a place."""
+    """Return the choices for a place: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
     found = [CardChoice("Send … here", f"Send {{asset}} to {name}.")]
     if name in world.gates:
@@ -251,9 +251,9 @@ def frame_choices(name: str, world: World) -> list[CardChoice]:
 
 
 def asset_lines(asset: AssetTelemetry, picture: Picture, taken_by: str = "") -> list[str]:
-    """Return the last report of an asset of `picture` in lines.
+    """Return the lines with the last report of an asset in `picture`.
 
-    `taken_by` has taken manual control of it here, '' for no operator.
+    `taken_by` is the operator who has taken manual control of it here, '' for none.
     """
     where = f"at {asset.at}" if asset.at else f"to {asset.post}" if asset.post else "between posts"
     over = link_in_words(asset.id, picture.links)
@@ -269,7 +269,7 @@ def asset_lines(asset: AssetTelemetry, picture: Picture, taken_by: str = "") -> 
 
 
 def track_lines(track: Track) -> list[str]:
-    """Return the sensors' evidence on a track in lines."""
+    """Return the lines with the sensors' evidence on a track."""
     return [
         f"{track.identity} {track.kind}, intent {track.intent}",
         *([track.dispute] if track.dispute else []),
@@ -278,9 +278,10 @@ def track_lines(track: Track) -> list[str]:
 
 
 class Card(ModalScreen[CardChoice | None]):
-    """Returns the choice, or None. Choosing gives no command: an order is typed, not sent.
+    """The card of an asset, a track or a place; it returns the choice, or None.
 
-    Manual control alone is taken and given back at once: the console only sends less by that.
+    A chosen order is typed, not sent. Only manual control is taken and given back at once, which
+    moves no asset.
     """
 
     BINDINGS = [
@@ -297,7 +298,7 @@ class Card(ModalScreen[CardChoice | None]):
         at: Offset | None = None,
         read_still: ReadStill = lambda _: None,
     ) -> None:
-        """`at` is the cell of the screen beside which it opens, None for the middle.
+        """Open the card beside the cell `at` of the screen; None means the middle.
 
         `read_still` returns the file of a camera's picture.
         """
@@ -330,11 +331,11 @@ class Card(ModalScreen[CardChoice | None]):
         self._place()
 
     def on_resize(self) -> None:
-        """Stay on the screen."""
+        """Keep the card on the screen."""
         self._place()
 
     def show_still(self, still: CameraStill, now_s: float) -> None:
-        """Show a camera's picture below the choices, or why there is none above them."""
+        """Show a camera's picture below the choices, or its problem above them."""
         if still.problem:
             self._lines = [*self._lines, f"{still.camera}, no picture: {still.problem}"]
             self.query_one("#card-lines", Static).update("\n".join(self._lines))
@@ -362,7 +363,7 @@ class Card(ModalScreen[CardChoice | None]):
         self.dismiss(self._choices[event.option_index])
 
     def on_click(self, event: events.Click) -> None:
-        """Go back when the click is beside the card."""
+        """Go back if the click is beside the card."""
         if event.widget is self:
             self.dismiss(None)
 
@@ -373,6 +374,6 @@ class Card(ModalScreen[CardChoice | None]):
             self.dismiss(offered)
 
     def action_pick(self, number: int) -> None:
-        """Choose by the number of the line."""
+        """Choose a line by its number."""
         if number <= len(self._choices):
             self.dismiss(self._choices[number - 1])

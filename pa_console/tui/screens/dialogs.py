@@ -1,4 +1,4 @@
-"""Short dialogs: for a line, for a folder, for a yes, and for a log that takes long to open."""
+"""Short dialogs: for a line, for a folder, for a yes or no, and for a log that opens slowly."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,18 +20,18 @@ Answer = TypeVar("Answer")
 
 Opened = TypeVar("Opened")
 LARGE = CACHED_FROM
-"""The size from which the index of a log is kept: building it takes a second or longer."""
+"""The size from which the index of a log is stored, because building it takes a second or more."""
 
 
 class AskLine(ModalScreen[Answer | None], Generic[Answer]):
-    """Returns what `read` makes of the line, or None."""
+    """A dialog for a line of text; it returns the result of `read`, or None."""
 
     BINDINGS = [Binding("escape", "dismiss", "Back")]
 
     def __init__(
         self, question: str, hint: str, read: Callable[[str], Answer], placeholder: str = ""
     ) -> None:
-        """Ask for a line; `read` raises ValueError with its fault."""
+        """Ask for a line; `read` raises ValueError, with the fault, for an invalid line."""
         super().__init__()
         self._question, self._hint, self._read = question, hint, read
         self._placeholder = placeholder
@@ -44,11 +44,11 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
             yield Static(self._hint, id="ask-note", markup=False)
 
     def on_mount(self) -> None:
-        """Start in the field."""
+        """Focus the field."""
         self.query_one(Input).focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Return the answer if the line is one."""
+        """Return the answer if the line is valid; otherwise, show the fault."""
         event.stop()
         try:
             answer = self._read(event.value.strip())
@@ -61,7 +61,7 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
 
 
 class AskFolder(AskLine[Path]):
-    """Returns an existing folder, or None; shows an error for a missing one."""
+    """A dialog for an existing folder; it returns None if the operator goes back."""
 
     def __init__(self, question: str) -> None:
         super().__init__(question, "Enter opens it, Esc goes back", _folder, "folder")
@@ -75,7 +75,7 @@ def _folder(text: str) -> Path:
 
 
 class Confirm(ModalScreen[bool]):
-    """Returns True only when the operator chose to go on."""
+    """A question that returns True only if the operator chooses to go on."""
 
     BINDINGS = [
         Binding("escape,n", "answer(False)", "No"),
@@ -100,20 +100,20 @@ class Confirm(ModalScreen[bool]):
         self.query_one("#no", Button).focus()
 
     def on_button_pressed(self, event: Button.Pressed) -> None:
-        """Answer."""
+        """Return the answer of the button."""
         self.dismiss(event.button.id == "yes")
 
     def action_answer(self, yes: bool) -> None:
-        """Answer."""
+        """Return the answer of the key."""
         self.dismiss(yes)
 
 
 class _LeftError(Exception):
-    """The log is not wanted any more."""
+    """Raised in the reading thread after the operator has left the dialog."""
 
 
 def is_large(log: Path) -> bool:
-    """Return whether opening `log` may take so long that it should be seen; raises OSError."""
+    """Return whether opening `log` may take so long that progress is shown; may raise OSError."""
     return log.stat().st_size >= LARGE
 
 
@@ -124,7 +124,7 @@ def open_beside(
     then: Callable[[Opened], None],
     problem_title: str,
 ) -> None:
-    """Open `log`, a large one beside the screen, and go on with it; what is wrong is shown."""
+    """Open `log`, with a progress dialog if it is large, and pass it to `then`; show any error."""
 
     def opened(found: Opened | None) -> None:
         if found is not None:
@@ -140,7 +140,7 @@ def open_beside(
 
 
 class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
-    """Returns the result of `opening` for the log; None after showing why it is unusable."""
+    """A dialog that returns the result of `opening` for a log; None after an error was shown."""
 
     BINDINGS = [Binding("escape,q", "leave", "Stop reading")]
 
@@ -157,7 +157,7 @@ class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
             yield Static("Esc stops reading", id="reading-note")
 
     def on_mount(self) -> None:
-        """Read, once the screen is there."""
+        """Start to read, once the screen is mounted."""
         self.run_worker(self._read, thread=True, exit_on_error=False)
 
     def on_unmount(self) -> None:
@@ -193,6 +193,6 @@ class OpeningLog(ModalScreen[Opened | None], Generic[Opened]):
         self.dismiss(opened)
 
     def action_leave(self) -> None:
-        """Return nothing; the thread ends at its next step."""
+        """Close the dialog without a result; its thread ends at the next step."""
         self._left.set()
         self.dismiss(None)

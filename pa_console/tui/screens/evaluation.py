@@ -1,4 +1,4 @@
-"""The evaluation screen: its runs, what failed, the report's tables, and the trace of each run."""
+"""The evaluation screen: runs, failures, the tables of the report, and the trace of each run."""
 
 import asyncio
 import time
@@ -39,11 +39,14 @@ from pa_console.tui.widgets.evaluation_runs import (
 from pa_console.tui.widgets.fields import LineField
 
 LOOK_S = 1.0
-"""The interval between two looks at the folder for new runs, wall seconds."""
+"""The interval between two checks of the folder for new runs, wall seconds."""
 
 
 class EvaluationScreen(ListScreen[RunRows]):
-    """Runs above, the run at the pointer below; follows an evaluation that is still running."""
+    """The runs of an evaluation, and below them the run at the pointer.
+
+    The screen follows an evaluation that is still running.
+    """
 
     BINDINGS = [
         Binding("escape", "back", "Back"),
@@ -56,7 +59,7 @@ class EvaluationScreen(ListScreen[RunRows]):
     def __init__(
         self, folder: Path, clock: SecondsClock = time.monotonic, *, over: bool = True
     ) -> None:
-        """Show the evaluation in `folder`; `over` another screen, Escape goes back there."""
+        """Show the evaluation in `folder`; if it is `over` another screen, Escape goes back."""
         super().__init__(RunRows(id="list"))
         self._folder, self._clock, self._over = folder, clock, over
         self._records: list[RunRecord] = []
@@ -86,20 +89,20 @@ class EvaluationScreen(ListScreen[RunRows]):
         yield ReportTables(id="evaluation-tables")
 
     def on_mount(self) -> None:
-        """Read the runs, and look for more from now on."""
+        """Read the runs, and check for new runs from now on."""
         self.listing.focus()
         self.set_interval(LOOK_S, self.look)
         self._title()
         self.look()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offer to go back only where there is a screen to go back to."""
+        """Offer to go back only if there is a screen below."""
         return self._over if action == "back" else super().check_action(action, parameters)
 
-    # What is read
+    # Reading the runs
 
     def look(self) -> None:
-        """Read the runs again when their file has changed."""
+        """Read the runs again if their file has changed."""
         stamp = _stamp(self._folder / RUNS)
         if stamp != self._stamp:
             self._stamp = stamp
@@ -132,7 +135,7 @@ class EvaluationScreen(ListScreen[RunRows]):
         self.entitle(title_text(self._folder, tables=tables, width=self.size.width))
 
     def detail(self) -> tuple[str, Sequence[WrappedRow]]:
-        """Return everything about the run at the pointer, or why there is none."""
+        """Return everything about the run at the pointer, or the reason why there is no run."""
         record = self.listing.item
         if record is not None:
             return "Run", run_rows(record)
@@ -149,7 +152,7 @@ class EvaluationScreen(ListScreen[RunRows]):
         nothing = Content("\n").join(layout(nothing_rows(self._folder, self._problem), 76))
         self.query_one(ReportTables).show(self._built, nothing)
 
-    # What is asked for
+    # Input of the operator
 
     @on(Input.Changed, "#evaluation-search")
     def _search(self, event: Input.Changed) -> None:
@@ -179,19 +182,19 @@ class EvaluationScreen(ListScreen[RunRows]):
         self._title()
 
     def action_back(self) -> None:
-        """Leave a field, else go back to the console."""
+        """Leave a field, or else go back to the console."""
         if isinstance(self.focused, Input):
             self.listing.focus()
         else:
             self.dismiss()
 
     def action_search(self) -> None:
-        """Type words to look for."""
+        """Focus the search field."""
         self._turn(tables=False)
         self.query_one("#evaluation-search").focus()
 
     def action_next_kind(self) -> None:
-        """Show the next kind of runs: failures of one sort after the other, then all again."""
+        """Show the next kind of runs: each kind of failure in turn, then all runs again."""
         self._turn(tables=False)
         following: Kind = KINDS[(KINDS.index(self._filter.kind) + 1) % len(KINDS)]
         self.query_one("#evaluation-kind", Select).value = following
@@ -249,7 +252,7 @@ class EvaluationScreen(ListScreen[RunRows]):
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
-    """Return size and time of the last change; None when there is no such file."""
+    """Return the size and the time of the last change; None if there is no such file."""
     try:
         status = path.stat()
     except OSError:

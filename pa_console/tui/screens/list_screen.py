@@ -1,4 +1,4 @@
-"""A screen with a list above and the detail of the row at its pointer below."""
+"""A screen with a list, and below it the detail of the item at the pointer."""
 
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
@@ -18,7 +18,7 @@ Rows = TypeVar("Rows", bound=PointedRows[Any])
 
 
 class ListScreen(Screen[None], Generic[Rows]):
-    """Shows the table `listing`; a subclass has its title, the detail of a row, and more keys."""
+    """A screen with the table `listing`; a subclass adds the title, the detail and more keys."""
 
     def __init__(self, listing: Rows) -> None:
         super().__init__()
@@ -41,7 +41,7 @@ class ListScreen(Screen[None], Generic[Rows]):
         yield from ()
 
     def below_body(self) -> ComposeResult:
-        """Yield what may stand in place of the list, if there is anything."""
+        """Yield widgets that can be shown in place of the list, if there are any."""
         yield from ()
 
     def detail(self) -> tuple[str, Sequence[WrappedRow]]:
@@ -49,7 +49,7 @@ class ListScreen(Screen[None], Generic[Rows]):
         raise NotImplementedError
 
     def entitle(self, title: Content) -> None:
-        """Show another title."""
+        """Set the title of the screen."""
         self.query_one("#list-title", Static).update(title)
 
     def show_detail(self) -> None:

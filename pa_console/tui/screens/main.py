@@ -1,4 +1,4 @@
-"""The one main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
+"""The main screen, live and in a replay: map, assets, events, trace, approval, prompt."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,7 +39,7 @@ from pa_console.tui.widgets.row_views import EventList
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
-"""The interval between two moments of a rehearsal, seconds."""
+"""The interval between two frames of a playback, seconds."""
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)
@@ -48,7 +48,7 @@ _HELPING_TO_WRITE = (
     ("favourites", "favourites and templates"),
     ("thing", "assets and places"),
 )
-"""Actions that type an order, as the prompt names them."""
+"""The actions that type an order, with their words for the prompt."""
 _KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
 """The part of a view that takes the keys, if it is not the view itself."""
 
@@ -58,7 +58,7 @@ TOO_SMALL = (
 
 
 class MainScreen(Screen[None]):
-    """Lays the panes out for the terminal's size and passes the state on to them."""
+    """The screen that lays out the panes for the terminal's size and passes the state to them."""
 
     BINDINGS = [
         Binding(",".join((*DECISION_KEYS, "alt+c")), "where_to_decide", show=False),
@@ -79,12 +79,12 @@ class MainScreen(Screen[None]):
         clock: SecondsClock,
         joined: JoinedTo | None = None,
     ) -> None:
-        """Open the screen; `closed` is why no mission is accepted here.
+        """Open the screen; `closed` is the reason why no mission is accepted here, '' for none.
 
-        `mode` is LIVE, READ-ONLY, REPLAY or JOINED with the name of the station whose session is
-        shown, which is that of `joined`.
+        `mode` is LIVE, READ-ONLY, REPLAY, or JOINED with the name of the station whose session is
+        shown. `joined` is that session.
         """
-        # The class of the view that is shown first: on a mounted screen it would style all anew.
+        # The first view's class is set here: setting it after mounting would style all again.
         super().__init__(classes="-view-map")
         self._joined = joined
         self._decides = bool(joined.signer) if joined is not None else not closed
@@ -98,10 +98,10 @@ class MainScreen(Screen[None]):
         self._playback: Playback | None = None
         self._play_timer: Timer | None = None
         self.log_file: Path | None = None
-        """The log of the session that is shown, None where it is not at hand."""
+        """The log of the shown session; None if it is not available."""
 
     def compose(self) -> ComposeResult:
-        """Yield all panes; the style sheet decides which are seen."""
+        """Yield all panes; the style sheet decides which are visible."""
         yield StatusBar(id="status", markup=False)
         yield AlarmBar(id="alarm-bar")
         yield ViewBar(id="views", markup=False)
@@ -138,11 +138,11 @@ class MainScreen(Screen[None]):
         yield from ()
 
     def read_still(self, still: CameraStill) -> bytes | None:
-        """Return the file of a camera's picture, None if it is not there as it was shown."""
+        """Return the file of a camera's picture; None if it is missing or has changed."""
         return read_still(self.log_file, still)
 
     def on_mount(self) -> None:
-        """Start where missions are typed."""
+        """Focus the mission field, or the first view if no mission is accepted."""
         self.set_class(self.mode == "REPLAY", "-replay")
         self.focus_view(self._view)
         if not self._closed_why:
@@ -160,12 +160,12 @@ class MainScreen(Screen[None]):
         self.call_after_refresh(self.query_one(ApprovalPanel).fit)
 
     def use_delays(self, approval_s: float, stale_s: float) -> None:
-        """Take the user's hold delay, and after how long telemetry is called stale; in seconds."""
+        """Set the user's approval delay and the age at which telemetry is stale, in seconds."""
         self.query_one(ApprovalPanel).arm_delay_s = approval_s
         self.query_one(StatusBar).stale_after_s = stale_s
 
     def name_keys(self) -> None:
-        """Show at the prompt which of the user's keys help to write an order."""
+        """Show at the prompt the user's keys for typing an order."""
         if not self._closed_why:
             keys = cast(ActionHost, self.app).keys
             named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
@@ -177,44 +177,44 @@ class MainScreen(Screen[None]):
         return self.has_class("-compact")
 
     def go_to(self, view: str) -> None:
-        """Show a view, and give it the keys unless the operator is typing."""
+        """Show a view; the focus stays where it is."""
         self._view = view
         for name, _ in VIEWS:
             self.set_class(name == view, f"-view-{name}")
         self.query_one(ViewBar).show(view)
 
     def focus_view(self, view: str) -> None:
-        """Show a view and give it the keys."""
+        """Show a view and focus it."""
         self.go_to(view)
         self.set_focus(self.query_one(_KEYS_GO_TO.get(view, f"#{view}")))
 
     def show_alarms(self) -> AlarmPane:
-        """Return the alarms, brought into sight where one pane is shown at a time."""
+        """Return the alarms; if one pane is shown at a time, show them first."""
         if self.compact:
             self.go_to("alarms")
         return self.query_one(AlarmPane)
 
     def show_assets(self) -> AssetPane:
-        """Return the table of assets, brought into sight."""
+        """Show the table of assets and return it."""
         self.go_to("assets")
         return self.query_one(AssetPane)
 
     def on_view_bar_view_chosen(self, message: ViewBar.ViewChosen) -> None:
-        """Jump to the pointed place."""
+        """Focus the chosen view."""
         self.focus_view(message.view)
 
     def selected(self, state: SessionState) -> MissionTrace | None:
-        """Return the mission whose trace is shown: the chosen one, else the current one."""
+        """Return the mission whose trace is shown: the selected one, or else the current one."""
         return state.missions.get(self._selected or "") or state.current
 
     def show_mission(self, state: SessionState, mission: str) -> None:
-        """Show the trace of a mission, and go there."""
+        """Show the trace of a mission and focus it."""
         self._selected = mission
         self.refresh_views(state, frozenset(("trace",)), 1.0, 0.0)
         self.focus_view("trace")
 
     def select(self, state: SessionState, by: int) -> None:
-        """Choose the mission before or after; after the last the current one is followed."""
+        """Select the mission before or after; past the last one, follow the current mission."""
         ids = list(state.missions)
         shown = self.selected(state)
         if shown is None:
@@ -226,7 +226,7 @@ class MainScreen(Screen[None]):
     def refresh_views(
         self, state: SessionState, views: frozenset[str], rate: float, silent_s: float
     ) -> None:
-        """Bring the panes in `views` up to date; the others are not touched."""
+        """Update the panes in `views`; leave the others as they are."""
         if "status" in views:
             bar = self.query_one(StatusBar)
             bar.show(state, self._world.title, self.mode, rate, silent_s)
@@ -254,17 +254,17 @@ class MainScreen(Screen[None]):
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
-        """Show the present wait, empty for none; not on a screen that is being closed."""
+        """Show the present wait, '' for none; do nothing on a screen that is being closed."""
         for prompt in self.query(MissionPrompt):
             prompt.show_waiting(text)
 
     def show_reading(self, text: str, reading: str) -> None:
-        """Show the `reading` of `text`, if that is what stands in the prompt; '' hides the line."""
+        """Show the `reading` of `text` if the prompt has that text; '' hides the line."""
         typed = " ".join(self.query_one(MissionPrompt).draft.split())
         self.query_one(ReadingLine).show(text, reading if typed == text else "")
 
     def typing(self, text: str) -> None:
-        """Hide the reading of any other text than that which stands in the prompt now."""
+        """Hide the shown reading if it is not the reading of `text`."""
         line = self.query_one(ReadingLine)
         if line.text != " ".join(text.split()):
             line.show("", "")
@@ -292,13 +292,13 @@ class MainScreen(Screen[None]):
             else:
                 panel.take_focus()
         elif not panel.display and had_keys:
-            if prompt.draft or in_reason:  # what is typed next is no mission
+            if prompt.draft or in_reason:  # text typed next is not a mission
                 self.focus_view(self._view)
             elif not self._closed_why:
                 prompt.take_cursor()
 
     def _plan_that_waits(self, state: SessionState) -> PlanPreview | None:
-        """Return the plan that waits, the same one as long as it does."""
+        """Return the preview of the waiting plan, the same object as long as the plan waits."""
         trace = state.current
         request = trace.approval if trace is not None else None
         if trace is None or request is None:
@@ -311,18 +311,18 @@ class MainScreen(Screen[None]):
         return self._waits[1] if self._waits is not None else None
 
     def show_plan(self, plan: PlanPreview | None) -> None:
-        """Show a plan that has not run on the map and as a schedule; nothing is played then."""
+        """Show a plan that has not run on the map and as a schedule; end any playback."""
         self._plan, self._playback = plan, None
         self._show_moment()
 
     def look_at(self, asked: str, plan: PlanPreview | None, faults: tuple[str, ...] = ()) -> None:
-        """Show what another reading would lead to; without `asked` the plan that waits again."""
+        """Show the plan for another reading; without `asked`, show the waiting plan again."""
         waits = self._waits[1] if self._waits is not None else None
         self.query_one(ApprovalPanel).show_reading(asked, plan, faults)
         self.show_plan(plan if asked else waits)
 
     def on_approval_panel_asked(self, message: ApprovalPanel.Asked) -> None:
-        """Play the rehearsal of the plan that is shown, or stop it."""
+        """Play the rehearsal of the shown plan, or stop it."""
         if message.what != "play":
             return
         message.stop()
@@ -353,16 +353,16 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def _mark_lower(self, name: str, on: bool) -> None:
-        """Give the panes below the map a style class; one of the whole screen's costs far more."""
+        """Set a style class on the panes below the map; on the whole screen, it would cost more."""
         self.query_one("#lower").set_class(on, name)
 
     def action_numbered(self, number: int) -> None:
-        """Type the example of that number where examples are shown; else it is a decision's key."""
+        """Type the example with this number if examples are shown; else, show where to decide."""
         if not self.type_example(number):
             self.action_where_to_decide()
 
     def type_example(self, number: int) -> bool:
-        """Type an example by its number; returns whether it is shown and nothing else is typed."""
+        """Fill in an example by number; return False if it is not shown or the field has text."""
         for examples in self.query(ExampleOrders):
             prompt = self.query_one(MissionPrompt)
             free = prompt.draft.strip() in ("", *examples.orders)

@@ -1,4 +1,4 @@
-"""The manual, found by words, with its pages on the left; and the list of all keys and signs."""
+"""The manual with its pages and a search, and the list of all keys and signs."""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -22,7 +22,7 @@ from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
 FOUND = "-found"
-"""The class of the heading that was jumped to."""
+"""The style class of the heading that was found."""
 
 _APPROVAL = (
     ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
@@ -51,7 +51,7 @@ class PagePosition(NamedTuple):
 
 
 class ManualScreen(Screen[None]):
-    """Words that are typed turn the list of pages into one of the sections that have them."""
+    """The manual; typed words replace the list of pages with the sections that have the words."""
 
     BINDINGS = [Binding("escape", "dismiss", "Back"), Binding("slash", "search", "Search")]
 
@@ -74,7 +74,7 @@ class ManualScreen(Screen[None]):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """List all pages, the pointer on the first."""
+        """List all pages, with the pointer on the first."""
         self._list_pages()
         self.query_one("#manual-list").focus()
 
@@ -115,7 +115,7 @@ class ManualScreen(Screen[None]):
 
     @on(Markdown.LinkClicked)
     def _follow(self, event: Markdown.LinkClicked) -> None:
-        """Go to the page and the heading of a link; an address of the web goes to the browser."""
+        """Go to the page and the heading of a link, or open a web address in the browser."""
         event.stop()
         file, _, anchor = event.href.partition("#")
         if "://" in file:
@@ -129,7 +129,7 @@ class ManualScreen(Screen[None]):
         self._show(PagePosition(page, page.heading_of(anchor)))
 
     def action_search(self) -> None:
-        """Type words to find."""
+        """Focus the search field."""
         self.query_one("#manual-search").focus()
 
     def _list_pages(self) -> None:
@@ -151,7 +151,7 @@ class ManualScreen(Screen[None]):
         self.query_one("#manual-title", Static).update(text)
 
     def _show(self, place: PagePosition) -> None:
-        """Show a place; of several that are asked for while one is laid out, the last is next."""
+        """Show a place; of several requests during a layout, only the last is shown next."""
         self._wanted = place
         if not self._busy:
             self._busy = True
@@ -168,7 +168,7 @@ class ManualScreen(Screen[None]):
         self._busy = False
 
     def _scroll(self, text: Markdown, heading: int) -> None:
-        """Bring the heading of that number to the top, as far as the page goes, and mark it."""
+        """Scroll the heading with this number to the top, as far as possible, and mark it."""
         headings = text.table_of_contents
         text.query(f".{FOUND}").remove_class(FOUND)
         if 0 < heading < len(headings):
@@ -219,7 +219,7 @@ def help_rows(
 
 
 class HelpScreen(ModalScreen[None]):
-    """The help page; any of Escape, F1, q or ? closes it, M goes on to the manual."""
+    """The help page; Escape, F1, q or ? closes it, and M opens the manual."""
 
     BINDINGS = [
         Binding("escape,f1,q,question_mark", "dismiss", "Close"),
@@ -236,7 +236,7 @@ class HelpScreen(ModalScreen[None]):
             yield TextRows(self._rows)
 
     def on_mount(self) -> None:
-        """Name the page and let the arrow keys scroll it."""
+        """Set the title of the page, and let the arrow keys scroll it."""
         page = self.query_one("#help", VerticalScroll)
         page.border_title = "Help"
         page.border_subtitle = "M opens the manual, Esc closes"

@@ -1,6 +1,6 @@
-"""A plan as it is changed: a form with one row an action, or its JSON; checked while it is edited.
+"""The editors of a plan: a form with a row for each action, and JSON; edits are checked at once.
 
-The draft survives in `draft` when one of the two is left.
+Both keep their text in `draft` when the operator leaves them.
 """
 
 import asyncio
@@ -32,17 +32,17 @@ from pa_console.tui.widgets.fields import LineField, TextField
 CHECK_AFTER_S = 0.3
 """The pause in editing after which the plan is rehearsed and checked, seconds."""
 LIKE = 60.0
-"""The likeness from which on a name is suggested, of 100."""
+"""The least similarity of a name that is suggested, out of 100."""
 
 OTHER = "other"
-"""The answer that opens the other of the two."""
+"""The result that opens the other editor."""
 
 Examine = Callable[[Plan], Awaitable[Examination]]
-"""Checks and rehearses a plan; nothing is decided by that."""
+"""A function that checks and rehearses a plan; it decides nothing."""
 
 
 def nearest(text: str, options: Sequence[str]) -> str:
-    """Return the option that is most like a text, '' for none."""
+    """Return the option most similar to a text; '' if none is similar enough."""
     found = process.extractOne(
         text, options, scorer=fuzz.WRatio, processor=str.lower, score_cutoff=LIKE
     )
@@ -56,7 +56,7 @@ def _unknown(text: str, what: str, options: Sequence[str]) -> str:
 
 
 def plan_json(plan: Plan) -> str:
-    """Write a plan as JSON for editing: one action a line."""
+    """Return a plan as JSON for editing, with one action a line."""
     return _written(plan.reason, [action.model_dump() for action in plan.actions])
 
 
@@ -67,7 +67,7 @@ def _written(reason: str, given: Iterable[Mapping[str, object]]) -> str:
 
 
 def read_plan(text: str) -> Plan | str:
-    """Return the plan in `text`, or its fault and the place of it."""
+    """Return the plan in `text`, or its fault with the place of the fault."""
     try:
         return Plan.model_validate_json(text)
     except ValidationError as error:
@@ -78,7 +78,7 @@ def read_plan(text: str) -> Plan | str:
 
 @dataclass(frozen=True)
 class FormRow:
-    """One action as it is written, which may not be one yet."""
+    """One action as it is typed; it may be invalid."""
 
     agent: str = ""
     verb: str = ""
@@ -88,7 +88,7 @@ class FormRow:
 
     @property
     def action(self) -> dict[str, object]:
-        """The action as JSON has it."""
+        """The action as a JSON object."""
         found: dict[str, object] = {
             "agent": self.agent,
             "command": f"{self.verb} {self.place}".strip(),
@@ -119,7 +119,7 @@ class FormRow:
 
 
 def rows_of(draft: str) -> tuple[str, list[FormRow]]:
-    """Return the reason and the rows in a draft; raises ValueError for one with no rows."""
+    """Return the reason and the rows of a draft; raise ValueError if it cannot be shown in rows."""
     try:
         read: Any = json.loads(draft)
         rows = [_row_of(action) for action in read["actions"]]
@@ -135,7 +135,7 @@ def _row_of(action: Mapping[str, Any]) -> FormRow:
 
 
 class PickField(LineField):
-    """A field for a name out of a list: arrows go through it, Enter takes the likest."""
+    """A field for a name from a list: arrows go through the list, Enter takes the most similar."""
 
     BINDINGS = [
         Binding("down", "pick(1)", "Next name", show=False),
@@ -148,7 +148,7 @@ class PickField(LineField):
         self.suggester = SuggestFromList(self.options, case_sensitive=False)
 
     def action_pick(self, step: int) -> None:
-        """Go to the next name; from what is none, to the one most like it."""
+        """Go to the next name; from a text that is not a name, go to the most similar name."""
         if self.value in self.options:
             at = self.options.index(self.value) + step
             self.value = self.options[at % len(self.options)]
@@ -157,7 +157,7 @@ class PickField(LineField):
         self.cursor_position = len(self.value)
 
     def settle(self) -> None:
-        """Take the name that is most similar to the typed text."""
+        """Replace the typed text with the most similar name."""
         if self.value and self.value not in self.options:
             self.value = nearest(self.value, self.options) or self.value
 
@@ -175,14 +175,14 @@ class ActionRow(Vertical):
         self._number, self._said = Static("", classes="-number"), Static("", classes="-said")
 
     def compose(self) -> ComposeResult:
-        """Yield the fields in one line, and the line below it."""
+        """Yield the fields in one line, and the line for the findings."""
         with Horizontal():
             yield from (self._number, self.agent, self.verb, self.place, self.after)
         yield self._said
 
     @property
     def row(self) -> FormRow:
-        """The action as it is written now."""
+        """The action as it is typed now."""
         agent, verb, place, after = (
             field.value.strip() for field in (self.agent, self.verb, self.place, self.after)
         )
@@ -195,7 +195,7 @@ class ActionRow(Vertical):
 
 
 class PlanForm(ModalScreen["Plan | str | None"]):
-    """The plan as a form; returns the changed plan, OTHER for its JSON, or None."""
+    """A plan as a form; it returns the changed plan, OTHER for its JSON, or None."""
 
     BINDINGS = [
         Binding("escape", "leave", "Back, keep the draft"),
@@ -207,7 +207,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
     ]
 
     def __init__(self, world: World, proposed: str, draft: str, examine: Examine) -> None:
-        """Begin with `draft`; ValueError if it cannot be shown in rows."""
+        """Begin with `draft`; raise ValueError if it cannot be shown in rows."""
         super().__init__()
         self._world, self._proposed, self.draft, self._examine = world, proposed, draft, examine
         self._reason, self._first = rows_of(draft)
@@ -228,7 +228,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         return [ActionRow(row, self._world) for row in rows]
 
     def on_mount(self) -> None:
-        """Start in the first row."""
+        """Focus the first row."""
         form = self.query_one("#plan-form")
         form.border_title = "Modify the plan"
         form.border_subtitle = "↑ ↓ pick a name   Enter takes the likest   ^R plan as proposed"
@@ -247,14 +247,14 @@ class PlanForm(ModalScreen["Plan | str | None"]):
 
     @on(Input.Submitted)
     def _entered(self, event: Input.Submitted) -> None:
-        """Take the likest name, and go to the next field."""
+        """Take the most similar name, and focus the next field."""
         event.stop()
         if isinstance(event.input, PickField):
             event.input.settle()
         self.focus_next()
 
     def _check(self) -> Plan | None:
-        """Show errors at once; without any, examine the plan in the next pause."""
+        """Show errors at once; if there are none, examine the plan at the next pause."""
         rows = self._rows
         self.draft = _written(self._reason, [each.row.action for each in rows])
         faults = [each.row.fault(self._world) for each in rows]
@@ -275,7 +275,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self.query_one("#plan-verdict", Static).update(Content.styled(said, style))
 
     async def _look(self, plan: Plan) -> None:
-        """Rehearse and check the plan, and show each row its result."""
+        """Rehearse and check the plan, and show the result in each row."""
         await asyncio.sleep(CHECK_AFTER_S)
         found = await self._examine(plan)
         broken = [finding for finding in found.findings if finding.broken]
@@ -300,17 +300,17 @@ class PlanForm(ModalScreen["Plan | str | None"]):
             self._tell("✔ no rule is broken", GOOD)
 
     def action_send(self) -> None:
-        """Return the plan if it is one."""
+        """Return the plan if it is valid."""
         if (plan := self._check()) is not None:
             self.dismiss(plan)
 
     def action_leave(self) -> None:
-        """Leave, and keep the draft."""
+        """Leave the form and keep the draft."""
         self._check()
         self.dismiss(None)
 
     def action_json(self) -> None:
-        """Write the plan as JSON instead."""
+        """Switch to the plan as JSON."""
         self._check()
         self.dismiss(OTHER)
 
@@ -322,7 +322,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self._check()
 
     async def action_remove(self) -> None:
-        """Remove the row that has the focus, else the last one."""
+        """Remove the row that has the focus, or else the last row."""
         rows = self._rows
         gone = next((each for each in rows if self.focused in each.walk_children()), None)
         if gone is None and rows:
@@ -334,7 +334,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         self._check()
 
     async def action_revert(self) -> None:
-        """Put the proposed plan back."""
+        """Restore the proposed plan."""
         self._reason, rows = rows_of(self._proposed)
         listed = self.query_one("#plan-rows")
         await listed.remove_children()
@@ -348,7 +348,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
 
 
 def _outlook(row: FormRow, preview: PlanPreview | None) -> Iterator[str]:
-    """Yield when an asset arrives, and what charge it has left."""
+    """Yield the arrival time of an asset and its remaining charge."""
     if preview is None:
         yield "it can be carried out"
         return
@@ -361,13 +361,13 @@ def _outlook(row: FormRow, preview: PlanPreview | None) -> Iterator[str]:
 
 
 class PlanField(TextField):
-    """The text of a plan, which one key selects as a whole, to be replaced by another."""
+    """A field for the text of a plan; one key selects the whole text."""
 
     BINDINGS = [Binding("ctrl+a", "select_all", "Select all", show=False)]
 
 
 class PlanEditor(ModalScreen["Plan | str | None"]):
-    """The plan as JSON; returns the changed plan, OTHER for the form, or None."""
+    """A plan as JSON; the editor returns the changed plan, OTHER for the form, or None."""
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back, keep the draft"),
@@ -377,7 +377,7 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
     ]
 
     def __init__(self, proposed: str, draft: str) -> None:
-        """Begin with `draft`; `proposed` is what one can always go back to."""
+        """Begin with `draft`; `proposed` is the plan that can be restored at any time."""
         super().__init__()
         self._proposed, self.draft = proposed, draft
 
@@ -393,7 +393,7 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
                 yield Button("Send (^S)", id="send", variant="primary", compact=True)
 
     def on_mount(self) -> None:
-        """Start in the text."""
+        """Focus the text."""
         self.query_one(TextArea).cursor_blink = False
         editor = self.query_one("#editor")
         editor.border_title = "Modify the plan"
@@ -434,7 +434,7 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
             self.dismiss(OTHER)
 
     def action_revert(self) -> None:
-        """Put the proposed plan back; what was typed comes again with an undo."""
+        """Restore the proposed plan; undo brings the typed text back."""
         area = self.query_one(TextArea)
         area.replace(self._proposed, area.document.start, area.document.end)
 

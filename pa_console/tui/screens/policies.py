@@ -1,4 +1,4 @@
-"""The policy browser: every rule, how it is enforced, where it was used; opens the rule editor."""
+"""The policy browser: every rule, its enforcement and its use; it opens the rule editor."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
@@ -40,9 +40,9 @@ _MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))
 
 
 class PolicyScreen(Screen[str]):
-    """Filter on the left, the whole rule on the right; typing scores every rule at once.
+    """The list of rules on the left, one whole rule on the right; typing a text scores every rule.
 
-    Returns the id of the mission to be shown, empty for none.
+    The result is the id of the mission to show, empty for none.
     """
 
     BINDINGS = [
@@ -86,12 +86,12 @@ class PolicyScreen(Screen[str]):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """Show all rules, ready to search."""
+        """Show all rules, and focus the search field."""
         self._list()
         self.query_one("#policy-search").focus()
 
     def use(self, rulebook: ShownRules, retriever: Retriever) -> None:
-        """Show another set, which is in force now; the pointer stays on its rule."""
+        """Show another rule set, which is in force now; the pointer stays on its rule."""
         self._rulebook, self._retriever = rulebook, retriever
         text = self.query_one("#policy-search", Input).value.strip()
         self._hits = {hit.rule_id: hit for hit in retriever.score_all(text)} if text else {}
@@ -100,7 +100,7 @@ class PolicyScreen(Screen[str]):
 
     @property
     def _selected(self) -> str:
-        """The id of the rule at the pointer, empty when none is shown."""
+        """The id of the rule at the pointer; empty if no rule is shown."""
         option = self.query_one("#policy-list", OptionList).highlighted_option
         return option.id or "" if option is not None else ""
 
@@ -122,7 +122,7 @@ class PolicyScreen(Screen[str]):
         self._list()
 
     def shown(self) -> list[Rule]:
-        """Return the rules that pass the filters, best score first while there is a search."""
+        """Return the rules that pass the filters; during a search, the best score comes first."""
         rules = [
             rule
             for rule in self._rulebook.rules
@@ -172,7 +172,7 @@ class PolicyScreen(Screen[str]):
         self.query_one("#policy-detail", VerticalScroll).scroll_home(animate=False)
 
     def show_detail(self, rule_id: str = "") -> None:
-        """Show a rule, the one at the pointer by default, and its part in the session so far."""
+        """Show a rule, by default the one at the pointer, and its use in the session so far."""
         name = rule_id or self._selected
         for rule in (rule for rule in self._rulebook.rules if rule.id == name):
             uses = uses_of(name, self._bench.missions())
@@ -181,13 +181,13 @@ class PolicyScreen(Screen[str]):
 
     @on(OptionList.OptionSelected, "#policy-list")
     def action_edit(self) -> None:
-        """Edit the rule at the pointer, or go on with its draft."""
+        """Edit the rule at the pointer, or continue its draft."""
         name = self._selected
         if name:
             self._begin(lambda path: self._edit(lambda: rule_save.open_rule(path, name)))
 
     def action_new(self) -> None:
-        """Write a new rule, of the domain of the one at the pointer."""
+        """Write a new rule in the domain of the rule at the pointer."""
         domain = self._selected.partition("-")[0] or "ROE"
         self._begin(lambda path: self._edit(lambda: rule_save.new_rule(path, domain)))
 
@@ -198,7 +198,7 @@ class PolicyScreen(Screen[str]):
             self._begin(lambda path: self._remove(path, name))
 
     def action_mission(self) -> None:
-        """Go to the trace of the last mission that the rule at the pointer had to do with."""
+        """Go to the trace of the last mission that used the rule at the pointer."""
         uses = uses_of(self._selected, self._bench.missions())
         if uses:
             self.dismiss(uses[-1].mission)
@@ -206,7 +206,7 @@ class PolicyScreen(Screen[str]):
             self._refused("no mission of this session had to do with it")
 
     def action_accept(self) -> None:
-        """Put the rules in force that the file holds and that were refused, after a question."""
+        """Put the refused rules of the file in force, after a question."""
         if self._bench.offered():
             self.run_worker(self._accept(), group="edit", exclusive=True)
         else:
@@ -225,7 +225,7 @@ class PolicyScreen(Screen[str]):
             self._refused(str(error))
 
     def _begin(self, work: Callable[[Path], Coroutine[None, None, None]]) -> None:
-        """Begin to change the file, unless it may not be changed here."""
+        """Begin to change the rule file, unless it may not be changed here."""
         path = self._bench.path
         if path is None or self._bench.closed:
             self._refused(self._bench.closed)
@@ -268,5 +268,5 @@ class PolicyScreen(Screen[str]):
         self.dismiss()
 
     def action_search(self) -> None:
-        """Type a text to score."""
+        """Focus the search field."""
         self.query_one("#policy-search").focus()

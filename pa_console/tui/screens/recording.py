@@ -1,4 +1,4 @@
-"""A recorded session in the main screen: played, stepped and searched; it takes no command."""
+"""The main screen of a recorded session, to play, step and search it; it takes no command."""
 
 import asyncio
 import re
@@ -42,7 +42,7 @@ MARKS: dict[str, frozenset[MarkKind]] = {
     "mission": frozenset(("mission",)),
     FINDING: frozenset(MARK_KINDS) - {"mission"},
 }
-"""The marks of the recording that can be jumped to, by their names."""
+"""The kinds of marks that can be jumped to, by name."""
 
 CLOSED = "REPLAY: this is a recording, every command is refused"
 HINT = "words in any order; Enter goes to the list, and there to the event; Esc goes back"
@@ -53,17 +53,17 @@ ACCEPTED = (
 """The accepted forms, for the operator."""
 
 MOST = 500
-"""The number of events that a search lists."""
+"""The most events that a search lists."""
 
 STEP = 20_000
-"""Events between two looks at whether something else was typed."""
+"""The number of events searched between two checks for newer input."""
 
 WIDE = 120
-"""Cells from which on the line has room for the signs of the marks."""
+"""The least width of a banner with the signs of the marks, cells."""
 
 
 class RecordingScreen(MainScreen):
-    """Drives its own player; over another screen, Escape and q go back there."""
+    """A main screen with its own player; over another screen, Escape and q go back."""
 
     BINDINGS = [Binding("escape,q", "back", "Close")]
 
@@ -77,7 +77,10 @@ class RecordingScreen(MainScreen):
         over: bool = False,
         view: str = "map",
     ) -> None:
-        """`over` another screen one can go back; `view` is the pane that is shown at first."""
+        """Show the recording of `player`; if `over` another screen, it can be closed.
+
+        `view` is the pane that is shown first.
+        """
         super().__init__(world, rules, History(None), closed=CLOSED, mode="REPLAY", clock=clock)
         self.world, self.player = world, player
         self.log_file = player.recording.path
@@ -88,7 +91,7 @@ class RecordingScreen(MainScreen):
 
     @property
     def state(self) -> SessionState:
-        """The session at the position of the player."""
+        """The state of the session at the position of the player."""
         return self.player.state
 
     def replay_line(self) -> ComposeResult:
@@ -97,16 +100,16 @@ class RecordingScreen(MainScreen):
         yield Scrubber(self.player.recording.timeline, id="scrubber")
 
     def on_mount(self) -> None:
-        """Show the position of the recording, and let it play when requested."""
+        """Show the position of the recording, and advance it whenever it plays."""
         self.set_interval(FRAME_S, self._tick)
         self._moved()
 
     def on_resize(self, event: events.Resize) -> None:  # noqa: ARG002 - the size is the screen's
-        """Fit the banner to the terminal's size, once the layout has been chosen for it."""
+        """Fit the banner to the terminal's size, after the layout is chosen."""
         self.call_after_refresh(self._moved)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Offer to go back only where there is a screen to go back to."""
+        """Offer to go back only if there is a screen below."""
         return self._over if action == "back" else super().check_action(action, parameters)
 
     def action_back(self) -> None:
@@ -114,7 +117,7 @@ class RecordingScreen(MainScreen):
         self.dismiss()
 
     def on_key(self, event: events.Key) -> None:
-        """Report that a key would have given a command in a live session."""
+        """Show a notice if the key would give a command in a live session."""
         command = refused_command(event.key, cast(ActionHost, self.app).keys)
         if command:
             event.stop()
@@ -126,12 +129,12 @@ class RecordingScreen(MainScreen):
             )
 
     def on_scrubber_place_clicked(self, message: Scrubber.PlaceClicked) -> None:
-        """Go to the place that was clicked."""
+        """Go to the clicked place."""
         message.stop()
         self.move(lambda player: player.seek(message.share * player.duration))
 
     def _tick(self) -> None:
-        """Let the wall time since the last frame pass."""
+        """Advance the player by the wall time since the last frame."""
         if not is_open(self):
             return
         now, was_playing = self._clock(), self.player.playing
@@ -151,7 +154,7 @@ class RecordingScreen(MainScreen):
         self.query_one(Scrubber).show(self.player.position)
 
     def repaint(self) -> None:
-        """Repaint the panes that the last moves have changed."""
+        """Repaint the panes that the latest moves have changed."""
         views, self._dirty = self._dirty, frozenset()
         if views and self.is_mounted and is_open(self):
             self.refresh_views(self.state, views, self.player.rate, 0.0)
@@ -181,7 +184,7 @@ class RecordingScreen(MainScreen):
         self.move(Player.pause if self.player.playing else Player.play)
 
     def jump(self, what: str, by: int) -> None:
-        """Go to the next or previous one of MARKS; show a notice if there is none."""
+        """Go to the next or previous mark of a kind in MARKS; show a notice if there is none."""
 
         def how(player: Player) -> None:
             if not (player.next_mark(MARKS[what]) if by > 0 else player.mark_back(MARKS[what])):
@@ -242,9 +245,9 @@ class RecordingScreen(MainScreen):
 
 
 def read_position(text: str, player: Player) -> int:
-    """Return the number of events played by the moment that `text` names.
+    """Return the number of events up to the moment that `text` names.
 
-    Raises ValueError with the valid forms.
+    Raises ValueError, with the valid forms, if `text` has none of them.
     """
     timeline, text = player.recording.timeline, "".join(text.split()).lower()
     if text == "end":
@@ -276,7 +279,7 @@ def _seconds(text: str) -> float:
 
 
 def _since_start(time_of_day: float, player: Player) -> float:
-    """Return the seconds from the first event to the next time that the clock shows this (UTC)."""
+    """Return the seconds from the first event to the next occurrence of a time of day (UTC)."""
     start = player.recording.timeline.start
     if start is None:
         return 0.0
@@ -286,7 +289,7 @@ def _since_start(time_of_day: float, player: Player) -> float:
 
 
 def banner(player: Player, width: int) -> Content:
-    """Return the line that marks a replay, with its position and the keys that move it."""
+    """Return the line that marks a replay: its state, its position, and the signs of the marks."""
     sign = "▶ playing" if player.playing else "■ ended" if player.finished else "‖ paused"
     where = f"log {clock_text(player.position)} of {clock_text(player.duration)}"
     parts: list[tuple[str, str] | str] = [
@@ -304,7 +307,7 @@ def banner(player: Player, width: int) -> Content:
 
 
 class HitRows(VirtualRows):
-    """A row for each event that was found: when, which mission, what."""
+    """A row for each event that was found, with its time, mission and text."""
 
     def __init__(self, recording: Recording, **kwargs: str) -> None:
         super().__init__(**kwargs)
@@ -312,7 +315,7 @@ class HitRows(VirtualRows):
         self._hits: dict[str, Hit] = {}
 
     def show(self, hits: list[Hit]) -> None:
-        """Show these."""
+        """Show these hits."""
         self._hits = {str(hit.index): hit for hit in hits}
         self.set_keys(list(self._hits))
 
@@ -329,12 +332,12 @@ class HitRows(VirtualRows):
 
 
 class FindEvent(ModalScreen[int | None]):
-    """Returns the event that was chosen, or None; the pointer starts at the next one from here."""
+    """A search that returns the chosen event, or None; the pointer starts at the next hit."""
 
     BINDINGS = [Binding("escape", "dismiss", "Back")]
 
     def __init__(self, recording: Recording, here: int) -> None:
-        """`here` is how many events were played."""
+        """Search `recording`; `here` is the number of events played."""
         super().__init__()
         self._recording, self._here = recording, here
 
@@ -346,7 +349,7 @@ class FindEvent(ModalScreen[int | None]):
             yield Static(HINT, id="find-note", markup=False)
 
     def on_mount(self) -> None:
-        """Start in the field."""
+        """Focus the field."""
         self.query_one("#find").border_title = "Search"
         self.query_one(Input).focus()
 
@@ -367,7 +370,7 @@ class FindEvent(ModalScreen[int | None]):
         self.dismiss(int(event.key))
 
     async def _search(self, text: str) -> None:
-        """Show the events with all the words of `text`, a part of the recording after the other."""
+        """Show the events with all the words of `text`, one part of the recording after another."""
         hits: list[Hit] = []
         end = len(self._recording)
         try:

@@ -1,4 +1,4 @@
-"""Edits one rule in place: checked as it is typed, tried, its examples run, saved whole."""
+"""The rule editor: a rule is checked and tried while it is typed, and saved as a whole."""
 
 import asyncio
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class CheckedDraft:
 
 
 class RuleEditor(Screen[str]):
-    """Returns the id of the rule as it stands in the file; what is not saved stays a draft."""
+    """An editor that returns the id of the rule in the file; unsaved text stays a draft."""
 
     BINDINGS = [
         Binding("escape", "leave", "Back"),
@@ -53,16 +53,16 @@ class RuleEditor(Screen[str]):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
     def __init__(self, bench: Workbench, opened: OpenRule) -> None:
-        """Go on with the draft of the rule, if there is one."""
+        """Continue the draft of the rule, if there is one."""
         super().__init__()
         self._bench = bench
         self._opened, self._begun = bench.drafts.get(opened.id, (opened, opened.text))
         self._timer: Timer | None = None
         self.checked: CheckedDraft | None = None
-        """The result for the present text; None while it is not known."""
+        """The result for the present text; None until it is known."""
 
     def compose(self) -> ComposeResult:
-        """Yield title, text, results, status and keys."""
+        """Yield the title, the text, the results, the status and the keys."""
         yield Static(id="rule-title", markup=False)
         with Horizontal(id="rule-body"):
             yield TextField(
@@ -75,14 +75,14 @@ class RuleEditor(Screen[str]):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """Start in the text."""
+        """Focus the text."""
         area = self.query_one(TextArea)
         area.cursor_blink = False
         area.focus()
         self._changed()
 
     def on_unmount(self) -> None:
-        """Keep the latest text in any case."""
+        """Store the latest draft in any case."""
         self._bench.drafts.keep()
 
     @property
@@ -91,7 +91,7 @@ class RuleEditor(Screen[str]):
         return self.query_one(TextArea).text
 
     def on_text_area_changed(self) -> None:
-        """Keep the draft, and check it once the typing pauses."""
+        """Keep the draft, and check it at the next pause in typing."""
         self._changed()
 
     def _changed(self) -> None:
@@ -122,7 +122,7 @@ class RuleEditor(Screen[str]):
         self.run_worker(self._examine(), group="check", exclusive=True)
 
     async def _examine(self) -> CheckedDraft:
-        """Check the text beside the screen, and show the result unless the text has changed."""
+        """Check the text in a thread, and show the result unless the text has changed."""
         text, opened, cases = self.text, self._opened, self._bench.cases.cases()
 
         def examine() -> CheckedDraft:
@@ -141,7 +141,7 @@ class RuleEditor(Screen[str]):
         return found
 
     def action_to_problem(self) -> None:
-        """Put the cursor where the problem is."""
+        """Move the cursor to the problem."""
         problem = self.checked.draft.problem if self.checked is not None else None
         if problem is not None and problem.line:
             area = self.query_one(TextArea)
@@ -175,7 +175,7 @@ class RuleEditor(Screen[str]):
             self._title()
 
     async def _write(self, text: str, *, anyway: bool = False) -> bool:
-        """Save `text`; whether it was. A file that was changed meanwhile is asked about."""
+        """Save `text`, and return whether it was saved; ask first if the file has changed."""
         before = self._opened
         try:
             saved = await asyncio.to_thread(save_rule, before, text, anyway=anyway)
@@ -199,7 +199,7 @@ class RuleEditor(Screen[str]):
         return True
 
     async def _sign(self) -> None:
-        """Offer to sign a set anew that this machine's own key had signed."""
+        """Offer to sign a rule set again that was signed with this machine's own key."""
         path = self._opened.path
         question = (
             "The set was signed by this machine's key and is not what was signed any more. "
@@ -238,7 +238,7 @@ class RuleEditor(Screen[str]):
             self.query_one(TextArea).text = text
 
     def action_revert(self) -> None:
-        """Bring back what the file has, after a question."""
+        """Restore the text of the file, after a question."""
         self.run_worker(self._revert(), group="revert", exclusive=True)
 
     async def _revert(self) -> None:
@@ -246,5 +246,5 @@ class RuleEditor(Screen[str]):
             self.query_one(TextArea).text = self._opened.text
 
     def action_leave(self) -> None:
-        """Go back; a draft stays."""
+        """Go back; the draft is kept."""
         self.dismiss(self._opened.id)

@@ -1,4 +1,4 @@
-"""A rule as rows, and what policy browser and rule editor share to edit its file."""
+"""The rows of a rule, and the parts that the policy browser and the rule editor share."""
 
 import math
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
@@ -26,13 +26,13 @@ _GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"
 
 
 def standing_style(seal: RulesSeal) -> str:
-    """Return how the standing of a rule set is written: louder, the less it is vouched for."""
+    """Return the style for a rule set's standing: the less trusted it is, the more conspicuous."""
     styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
     return styles.get(seal.standing, NOTE if seal.key else QUIET)
 
 
 def rule_line(rule: Rule, score: float | None, *, draft: bool) -> Content:
-    """Return a rule as one line of the list, with its score and whether a draft of it waits."""
+    """Return a rule as one line of the list, with its score and a sign if it has a draft."""
     urgency = term("priority", rule.priority)
     mode = term("rule", "checked" if rule.decidable else "judged")
     return Content.assemble(
@@ -46,7 +46,7 @@ def rule_line(rule: Rule, score: float | None, *, draft: bool) -> Content:
 
 
 def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
-    """Return everything there is to know of one rule, its expressions at the end."""
+    """Return all facts about one rule, with its expressions at the end."""
     urgency = term("priority", rule.priority)
     mode = term("rule", "checked" if rule.decidable else "judged")
     rows = [
@@ -93,7 +93,7 @@ def rule_rows(rule: Rule, hit: RuleHit | None) -> list[WrappedRow]:
 
 
 def _as_written(value: Mapping[str, Any]) -> str:
-    """Return a part of an example as a rule file has it, in one line."""
+    """Return a part of an example as it is written in a rule file, on one line."""
     return yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=math.inf).strip()
 
 
@@ -132,7 +132,7 @@ def use_rows(uses: Iterable[RuleUse]) -> Iterator[WrappedRow]:
 
 
 def draft_line(draft: RuleDraft) -> Part:
-    """Return in one line whether a rule can be in force as it is written."""
+    """Return a line on whether a rule draft can be put in force."""
     if draft.problem is not None:
         return f"✘ {draft.problem}", BAD
     if draft.entry is not None and not draft.entry.rule.decidable:
@@ -183,12 +183,12 @@ def _finding(found: Finding) -> tuple[Part, ...]:
 
 @dataclass
 class Workbench:
-    """Lets one console edit one rule file; `closed` is the reason if it may not, else empty.
+    """The parts with which a console edits one rule file.
 
-    `drafts` are unsaved texts by rule id, '' for a new rule; they outlive the editor and the
-    console. `saved` is awaited after the file was written, so that it is loaded at once. `offered`
-    is the reason that the rules in the file need to be accepted, empty if they do not, and `accept`
-    accepts them.
+    `closed` is the reason why the file cannot be edited, or ''. `drafts` are unsaved texts by rule
+    id, '' for a new rule; they outlive the editor and the console. `saved` is awaited after the
+    file was written, so that it is loaded at once. `offered` returns the reason why the rules in
+    the file need to be accepted, or '', and `accept` accepts them.
     """
 
     world: World
@@ -204,5 +204,5 @@ class Workbench:
     drafts: Drafts = field(default_factory=Drafts)
 
     def __post_init__(self) -> None:
-        """Begin with an empty session."""
+        """Create the cases of an empty session."""
         self.cases = SessionCases(self.world)

@@ -1,4 +1,4 @@
-"""The recorded sessions: open one, compare two, export one, run one again."""
+"""The screen of recorded sessions, to open, compare, export and run them again."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -34,11 +34,11 @@ from pa_console.views.status_words import outcomes_in_words
 
 PROBLEM = "Not opened"
 MOST = 200
-"""The number of sessions listed, the newest first."""
+"""The most sessions that are listed, newest first."""
 
 
 class SessionRows(PointedRows[SessionSummary]):
-    """The list of sessions, newest first; a session that is marked is to be compared."""
+    """The list of sessions, newest first; the marked session is the first of a comparison."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "choose", "Open")]
 
@@ -59,17 +59,17 @@ class SessionRows(PointedRows[SessionSummary]):
         return self._standings.get(key)
 
     def stand(self, key: str, standing: Soundness) -> None:
-        """Note how sound the log `key` is."""
+        """Set the state of the log `key`."""
         self._standings[key] = standing
         self.set_keys(self.keys)
 
     def mark(self, key: str) -> None:
-        """Mark the session `key`, no other; none with an empty key."""
+        """Mark only the session `key`; an empty key marks none."""
         self.marked = key
         self.set_keys(self.keys)
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the room that is left to the title and the outcomes."""
+        """Give the remaining room to the title and the outcomes."""
         return {"title": room - room // 3, "outcomes": room // 3}
 
     def cells(self, key: str) -> Cells:
@@ -89,7 +89,7 @@ class SessionRows(PointedRows[SessionSummary]):
 
 
 def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[WrappedRow, ...]:
-    """Return everything that the list has no room for: every mission, and why the log is sound."""
+    """Return the facts that the list has no room for, with every mission and the log's state."""
     running = standing is not None and standing.standing == "running"
     never = "not yet" if running else "its log was never closed"
     ended = never if summary.ending == "open" else summary.reason
@@ -115,7 +115,7 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Wr
 
 
 class SessionsScreen(ListScreen[SessionRows]):
-    """Sessions above, the one at the pointer below; logs are checked beside the screen."""
+    """The sessions, and below them the one at the pointer; logs are checked in a thread."""
 
     BINDINGS = [
         Binding("escape", "back", "Back"),
@@ -134,7 +134,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         self._read = False
 
     def on_mount(self) -> None:
-        """Read the sessions."""
+        """Begin to read the sessions."""
         self.listing.focus()
         self._show([])
         self.action_read()
@@ -174,7 +174,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         self.show_detail()
 
     def detail(self) -> tuple[str, Sequence[WrappedRow]]:
-        """Return everything about the session at the pointer, or that there is none."""
+        """Return everything about the session at the pointer, or a notice if there is none."""
         session = self.listing.item
         if session is not None:
             return "Session", detail_rows(session, self.listing.standing(self.listing.cursor))
@@ -187,13 +187,13 @@ class SessionsScreen(ListScreen[SessionRows]):
         self._with_log(Path(event.key), self._play)
 
     def action_back(self) -> None:
-        """Give up a comparison that was begun, else go back to the console."""
+        """Cancel a comparison that was begun, or else go back to the console."""
         if self.listing.marked:
             self.listing.mark("")
         else:
             self.dismiss()
 
-    # What is done with a session
+    # Actions on a session
 
     def _with_log(self, log: Path, then: Callable[[PlayableLog], None]) -> None:
         open_beside(self, log, partial(open_log, log, None), then, PROBLEM)
@@ -206,7 +206,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         self.app.push_screen(screen)
 
     def action_compare(self) -> None:
-        """Choose the first session of a comparison, then the second one."""
+        """Mark the first session of a comparison, or compare it with the second one."""
         listing = self.listing
         if listing.item is None:
             return
@@ -252,7 +252,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         self.notify(f"{where}; {also}", title="Exported", timeout=10, markup=False)
 
     def action_again(self) -> None:
-        """Run the session again beside the screen, and report whether it came out equal."""
+        """Run the session again in a thread, and show whether the results are equal."""
         session = self.listing.item
         if session is not None:
             self.notify("the session is being run again", title=session.title[:40], markup=False)
@@ -273,10 +273,10 @@ class SessionsScreen(ListScreen[SessionRows]):
 
 
 def run_again(log: Path) -> tuple[bool, str]:
-    """Return whether telemetry and rehearsals came out as recorded, and that in words.
+    """Run a session again; return whether telemetry and rehearsals are equal, and a message.
 
-    The rules are not tried again: `pa-console replay LOG --resimulate` does that too. Raises
-    ValueError (DocumentError) when the log cannot be read, or its world or scenario is not here.
+    The rules are not checked again; `pa-console replay LOG --resimulate` checks them too. Raises
+    ValueError (DocumentError) if the log cannot be read, or if its world or scenario is missing.
     """
     started, sites = session_start(next(read_log(log), None), log), SessionSites()
     world, file = sites.world_of(started, log), sites.world_file(started, log)

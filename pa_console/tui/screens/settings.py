@@ -1,6 +1,6 @@
-"""The settings: every choice with its help, checked while it is typed, saved at once.
+"""The settings screen: every choice with its help, checked while it is typed, saved at once.
 
-The command line knows by the same functions which values can be used here.
+The command line uses the same functions to check whether a value can be used.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -40,12 +40,12 @@ _FILES = {"world": ("worlds", "world.yaml"), "rules": ("rules", "rules.yaml")}
 
 
 def theme_names() -> list[str]:
-    """Return every theme there is, the console's own first."""
+    """Return all themes, the console's own first."""
     return [*(theme.name for theme in THEMES), *sorted(BUILTIN_THEMES)]
 
 
 def known_values(name: str) -> list[str]:
-    """Return the values of the field `name` that are known by name; others may be good too."""
+    """Return the named values of the field `name`; other values may be valid too."""
     match name:
         case "theme":
             return theme_names()
@@ -65,7 +65,7 @@ def _is_installed(name: str, value: str) -> bool:
 
 
 def problems(values: Settings) -> Iterable[tuple[FieldPath, str]]:
-    """Yield each field of `values` that cannot be used here, and why."""
+    """Yield each field of `values` that cannot be used here, with the reason."""
     for name in ("model", "world", "rules", "theme"):
         why = unknown(name, getattr(values, name))
         if why:
@@ -76,7 +76,7 @@ def problems(values: Settings) -> Iterable[tuple[FieldPath, str]]:
 
 
 def key_problem(keymap: Mapping[str, str]) -> KeymapError | None:
-    """Return what keeps a keymap from being used."""
+    """Return the error that makes a keymap unusable; None if there is none."""
     try:
         check_keys(keymap)
     except KeymapError as problem:
@@ -85,9 +85,9 @@ def key_problem(keymap: Mapping[str, str]) -> KeymapError | None:
 
 
 def unknown(name: str, value: str) -> str:
-    """Return why the model, world, rule set or theme `value` cannot be used, empty when it can.
+    """Return the reason why `value` cannot be used; empty if it can.
 
-    Every value of another field is good.
+    `name` is the field: model, world, rules or theme. Every value of another field is valid.
     """
     if name not in ("model", "world", "rules", "theme"):
         return ""
@@ -103,10 +103,10 @@ def unknown(name: str, value: str) -> str:
 
 @dataclass(frozen=True)
 class SettingChoice:
-    """One thing to choose: a field of the schema, or the keys of one action.
+    """One choice of the screen: a field of the schema, or the keys of one action.
 
-    `options` are the only values there are; where it is empty a value is typed, and `known` are
-    some that are good. An empty `default` is explained in the help.
+    If there are `options`, only those are possible. Otherwise, a value is typed, and `known` has
+    some valid ones. An empty `default` is explained in the help.
     """
 
     field: FieldPath
@@ -121,12 +121,12 @@ class SettingChoice:
 
     @property
     def id(self) -> str:
-        """The name by which the screen knows the row."""
+        """The id of the choice's row on the screen."""
         return ".".join(map(str, self.field))
 
 
 def choices() -> list[SettingChoice]:
-    """Return every row, fields first, in the schema's order."""
+    """Return all choices, fields first, in the order of the schema."""
     rows: list[SettingChoice] = []
     for name, about in describe_settings().items():
         if name == "keys":
@@ -156,7 +156,7 @@ def value_of(loaded: LoadedSettings, choice: SettingChoice) -> str:
 
 
 def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
-    """Return whether the value in force was given anywhere."""
+    """Return whether the user has set the value in force, in any source."""
     name = str(choice.field[0])
     if name == "keys":
         return choice.field[1] in loaded.values.keys
@@ -164,7 +164,7 @@ def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
 
 
 def to_write(loaded: LoadedSettings, choice: SettingChoice, text: str) -> tuple[str, object]:
-    """Return the field of the file and its value for `text`; None removes it.
+    """Return the field of the file and its value for `text`; a value of None removes the field.
 
     Raises ValueError for an invalid `text`.
     """
@@ -192,14 +192,14 @@ def to_write(loaded: LoadedSettings, choice: SettingChoice, text: str) -> tuple[
 
 
 class SettingsScreen(Screen[None]):
-    """The choices on the left, the one at the pointer with its help and its field on the right."""
+    """The choices on the left; on the right, the choice at the pointer with its help and field."""
 
     BINDINGS = [Binding("escape", "leave", "Back"), Binding("delete", "restore", "Default")]
 
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
     def __init__(self, loaded: LoadedSettings, saved: Callable[[LoadedSettings], None]) -> None:
-        """Call `saved` with the settings in force after each one that was saved."""
+        """Call `saved` with the settings in force each time that a setting was saved."""
         super().__init__()
         self._loaded, self._tell_saved = loaded, saved
         self._choices = {choice.id: choice for choice in choices()}
@@ -218,7 +218,7 @@ class SettingsScreen(Screen[None]):
         yield KeyFooter()
 
     def on_mount(self) -> None:
-        """List everything, the pointer on the first."""
+        """List all choices, with the pointer on the first."""
         listing = self.query_one("#setting-list", OptionList)
         for group, rows in groupby(self._choices.values(), key=lambda choice: choice.group):
             listing.add_option(Option(Content.styled(group, f"bold {NOTE}"), disabled=True))
@@ -298,7 +298,7 @@ class SettingsScreen(Screen[None]):
             self._save(value)
 
     def _save(self, text: str) -> None:
-        """Write the choice at the pointer; an invalid one is shown and not written."""
+        """Save the choice at the pointer; if it is invalid, show the problem instead."""
         choice = self._at
         try:
             self._loaded = self._loaded.again()
@@ -325,7 +325,7 @@ class SettingsScreen(Screen[None]):
         self._tell_saved(self._loaded)
 
     def on_option_list_option_selected(self) -> None:
-        """Go to the field of the choice at the pointer."""
+        """Focus the field of the choice at the pointer."""
         if self._at.options:
             options = self._options
             options.focus()
@@ -335,12 +335,12 @@ class SettingsScreen(Screen[None]):
             self._note("Enter saves it, Esc leaves it as it was", QUIET)
 
     def action_restore(self) -> None:
-        """Take the choice at the pointer out of the file."""
+        """Remove the choice at the pointer from the file."""
         if self.query_one("#setting-list").has_focus:
             self._save("")
 
     def action_leave(self) -> None:
-        """Leave the field without saving, or the screen."""
+        """Leave the field without saving, or leave the screen."""
         listing = self.query_one("#setting-list", OptionList)
         if listing.has_focus:
             self.dismiss()
@@ -350,7 +350,7 @@ class SettingsScreen(Screen[None]):
 
 
 def _help(loaded: LoadedSettings, choice: SettingChoice) -> list[WrappedRow]:
-    """Return what there is to know of a choice."""
+    """Return the help for a choice, with its limits, known values, default and origin."""
     rows = [row("", (choice.title, "bold"), (f"  {choice.id}", QUIET)), row("", choice.help)]
     if choice.limits:
         rows.append(row(column("give", 8, QUIET), choice.limits))

@@ -1,6 +1,6 @@
-"""The standing orders: what each waits for and starts, what it has started, and its end.
+"""The screen of standing orders: their conditions, the missions they have started, their end.
 
-An order that waits for a moment of the clock shows the next one, with a countdown.
+An order that waits for moments of the clock shows the next one, with a countdown.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +24,7 @@ StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
 """The changes that an operator can make to a standing order from the list."""
 
 LOOK_S = 0.5
-"""The interval between two looks for changes, seconds."""
+"""The interval between two checks for changes, seconds."""
 
 
 class StandingRows(PointedRows[StandingTrace]):
@@ -40,10 +40,10 @@ class StandingRows(PointedRows[StandingTrace]):
     dt_s = 1.0
     """The simulated seconds of a tick."""
     now_s = 0.0
-    """The fleet's time, from which the countdowns are."""
+    """The fleet's time, from which the countdowns are measured."""
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the room that is left to the order and its condition."""
+        """Give the remaining room to the order and its condition."""
         return {"order": room - room // 3, "waits for": room // 3}
 
     def cells(self, key: str) -> Cells:
@@ -97,7 +97,7 @@ class StandingRows(PointedRows[StandingTrace]):
 
 
 class StandingOrdersScreen(ListScreen[StandingRows]):
-    """The standing orders of the session above, the one at the pointer below."""
+    """The standing orders of the session, and below them the one at the pointer."""
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back"),
@@ -113,34 +113,34 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         dt_s: float,
         change: Callable[[StandingOrder, StandingChange], object],
     ) -> None:
-        """Show those of `state`, a tick of `dt_s` seconds; `change` changes one."""
+        """Show the orders of `state`; a tick is `dt_s` seconds, and `change` changes an order."""
         super().__init__(StandingRows(id="list"))
         self._state, self._dt_s, self._change = state, dt_s, change
         self._shown: object = None
 
     def on_mount(self) -> None:
-        """Show what there is, and from now on what becomes of it."""
+        """Show the standing orders, and update them from now on."""
         self.listing.dt_s = self._dt_s
         self.listing.focus()
         self.look()
         self.set_interval(LOOK_S, self.look)
 
     def action_revoke(self) -> None:
-        """Take the order at the pointer out of force."""
+        """Revoke the order at the pointer."""
         self._ask("revoke", "Revoke")
 
     def action_pause(self) -> None:
-        """Let the order at the pointer start nothing for a while, or go on."""
+        """Pause the order at the pointer, or resume it."""
         trace = self.listing.item
         paused = trace is not None and trace.paused
         self._ask("resume" if paused else "pause", "Pause")
 
     def action_skip(self) -> None:
-        """Leave out the next moment of the order at the pointer."""
+        """Skip the next moment of the order at the pointer."""
         self._ask("skip", "Skip")
 
     def action_again(self) -> None:
-        """Give an order that is over anew; it needs approval again."""
+        """Give an order again that is over; it needs another approval."""
         self._ask("again", "Give again", in_force=False)
 
     def _ask(self, change: StandingChange, title: str, *, in_force: bool = True) -> None:
@@ -155,7 +155,7 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         self.look()
 
     def look(self) -> None:
-        """Show the changes since the last look."""
+        """Show the changes since the last check."""
         if not is_open(self):
             return
         state = self._state()

@@ -1,1 +1,1 @@
-"""Widgets that stand alone, each with its own messages and CSS."""
+"""Independent widgets, each with its own messages and CSS."""

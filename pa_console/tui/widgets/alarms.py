@@ -1,4 +1,4 @@
-"""The open alarms and the missions that wait: a line that sums them up, a list with one cursor."""
+"""The open alarms and the waiting missions: a summary in one line, and a list with a cursor."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -21,7 +21,7 @@ _FILL = {
     CALM: "$on-primary on $primary",
     QUIET: "$on-quiet on $quiet",
 }
-"""The background of a sign that must not be overlooked, by the sign's own colour."""
+"""The background of a sign that must not be overlooked, by the colour of the sign."""
 
 Part = Content | tuple[str, str] | str
 
@@ -30,7 +30,7 @@ EMPTY = "No alarm is open and no mission waits."
 
 
 def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str) -> Content:
-    """Return an alarm as priority, whether it was seen, its text, its mission and since when."""
+    """Return the row of an alarm: priority, whether it was seen, text, mission and time."""
     alarm = item.alarm
     mark = term("alarm", alarm.priority)
     seen = term("seen", "seen" if item.acknowledged else "new")
@@ -51,7 +51,7 @@ def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str)
 
 
 def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
-    """Return a waiting mission as two lines: what it is, and why it stands where it stands."""
+    """Return a waiting mission as two lines: the mission, and the reason for its position."""
     mark = term("alarm", entry.priority)
     mission = entry.mission
     origin = ("by alarm  ", NOTE) if mission.source == "alarm" else ("", "")
@@ -81,8 +81,8 @@ def answering(state: SessionState) -> dict[str, MissionTrace]:
 def summary(state: SessionState, width: int) -> Content:
     """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
 
-    Where room is short the scenario goes first, then the end of the alarm's text, then the
-    weather; a stop, the number of alarms and the worst one's priority always stay.
+    If room is short, the scenario is left out first, then the end of the alarm's text, then the
+    weather. A stop, the number of alarms and the priority of the worst one are always kept.
     """
     kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
     ends = [*kept, *_scenario(state)]
@@ -118,13 +118,13 @@ def _alarms(alarms: Sequence[OpenAlarm]) -> Iterator[Part]:
 
 
 def _worst(alarms: Sequence[OpenAlarm]) -> OpenAlarm | None:
-    """Return the worst unseen alarm, else the worst."""
+    """Return the worst unseen alarm, or else the worst alarm."""
     fresh = (item for item in alarms if not item.acknowledged)
     return next(fresh, alarms[0] if alarms else None)
 
 
 def _stop(stop: Stop | None) -> Iterator[Part]:
-    """Yield the stop until it is released, and whether the assets have obeyed."""
+    """Yield the stop until it is released, and whether the assets have confirmed it."""
     if stop is None:
         return
     told = f"  {stop.held} hold" if stop.orders else ""
@@ -158,7 +158,7 @@ def _scenario(state: SessionState) -> Iterator[Content]:
 
 
 class AlarmBar(Static):
-    """Always there: the number of alarms with the worst of them, or that there is none."""
+    """A permanent line with the number of alarms and the most serious one, or *no alarm*."""
 
     def __init__(self, **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"), markup=False)
@@ -177,7 +177,7 @@ class AlarmBar(Static):
 
 
 class AlarmPane(VirtualRows):
-    """Worst alarm first, then the queue, next mission first.
+    """The alarms, the worst first, and then the queue, the next mission first.
 
     The cursor is always shown. It is on the worst unseen alarm unless the operator moves it.
     """
@@ -226,12 +226,12 @@ class AlarmPane(VirtualRows):
 
     @property
     def subject(self) -> str:
-        """The track, asset, gate or camera that the row under the cursor is about."""
+        """The track, asset, gate or camera of the row under the cursor."""
         return self._subjects.get(self.cursor, "")
 
     @property
     def alarm(self) -> OpenAlarm | None:
-        """The alarm under the cursor, else the worst unseen one."""
+        """The unseen alarm under the cursor, or else the worst unseen one."""
         if not self.region.area:
             return next((item for item in self._alarms if not item.acknowledged), None)
         chosen = next((a for a in self._alarms if self.cursor == f"{_ALARM}{a.alarm.id}"), None)
@@ -241,11 +241,11 @@ class AlarmPane(VirtualRows):
 
     @property
     def mission(self) -> str:
-        """The id of the waiting mission under the cursor, empty when it is not on one."""
+        """The id of the waiting mission under the cursor; empty if there is none."""
         return self.cursor.removeprefix(_MISSION) if self.cursor.startswith(_MISSION) else ""
 
     def point_at(self, key: str) -> None:
-        """Hold the cursor on `key`, whatever comes, until its row is gone or released."""
+        """Keep the cursor on `key` until its row is gone or the cursor is released."""
         self._held = True
         super().point_at(key)
 
@@ -254,11 +254,11 @@ class AlarmPane(VirtualRows):
         self._held = False
 
     def next_alarm(self) -> None:
-        """Put the cursor on the next alarm, going round."""
+        """Move the cursor to the next alarm, in a circle."""
         self._go_round(_ALARM)
 
     def next_mission(self) -> None:
-        """Put the cursor on the next waiting mission, going round."""
+        """Move the cursor to the next waiting mission, in a circle."""
         self._go_round(_MISSION)
 
     def _go_round(self, prefix: str) -> None:

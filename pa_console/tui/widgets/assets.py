@@ -53,7 +53,7 @@ _BRIEFLY: dict[Identity, str] = {
 CAMERAS = Layout("camera", (("camera", 16), ("gate", 11), ("status", 10), ("age", 5)), ())
 
 PROBLEMS = "problem"
-"""The word by which a filter finds what needs attention."""
+"""The word with which a filter finds rows that need attention."""
 
 
 def tracks(width: int) -> Layout:
@@ -62,7 +62,7 @@ def tracks(width: int) -> Layout:
 
 
 def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> Cells:
-    """Return the cells of an asset; values from an unreliable report are dimmed and questioned."""
+    """Return the cells of an asset; values from an unreliable report are dimmed and have a `?`."""
     status, comms, state = look.asset(asset), term("comms", asset.comms), look.report(asset)
     going = asset.at or (f"{arrow(asset.heading_deg)} {asset.post}" if asset.post else "between")
     low = "▼" if asset.low_battery else ""
@@ -82,7 +82,7 @@ def asset_cells(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
 
 
 def track_cells(track: Track, look: Reliance) -> Cells:
-    """Return the cells of a track; a track out of sight shows that first."""
+    """Return the cells of a track; a lost track is dimmed and noted as not seen."""
     identity, intent = term("identity", track.identity), term("intent", track.intent)
     lost = look.lost(track)
     style = QUIET if lost else identity.style
@@ -100,7 +100,7 @@ def track_cells(track: Track, look: Reliance) -> Cells:
 
 
 def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
-    """Return who disputes its identity or calls it hostile, its behaviour and its certainty."""
+    """Return the notes on a track: disputes, reports of hostility, behaviour and uncertainty."""
     urgent = track.intent == "hostile" or track.defiant or bool(track.dispute)
     parts: list[str] = []
     if look.lost(track):
@@ -148,14 +148,14 @@ def _questioned(text: str, doubt: str, room: int = 11) -> str:
 
 
 def age_cell(age_s: float, *, old: bool) -> tuple[str, str]:
-    """Return the age of a report; one that is old carries a mark, never looks fine."""
+    """Return the age of a report; an old one has a mark, so that it never looks fine."""
     if not old:
         return f"{min(age_s, 99):.1f} s", QUIET
     return f"{min(age_s, 999):.0f} s!", BAD
 
 
 def asset_words(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> str:
-    """Return the text in which a filter looks for its words."""
+    """Return the facts about an asset in which a filter looks for its words."""
     problem = "problem" if look.rank(asset) < FINE else "fine"
     low = "low battery" if asset.low_battery else ""
     return " ".join(
@@ -166,7 +166,7 @@ def asset_words(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
 
 
 def track_words(track: Track, look: Reliance) -> str:
-    """Return the text in which a filter looks for its words."""
+    """Return the facts about a track in which a filter looks for its words."""
     problem = "problem" if track_rank(track)[0] < 4 else "fine"
     seen = "stale" if look.lost(track) else ""
     warned = "warned" if track.warned else ""
@@ -178,7 +178,7 @@ def track_words(track: Track, look: Reliance) -> str:
 
 
 def camera_words(name: str, camera: CameraReport, look: Reliance) -> str:
-    """Return the text in which a filter looks for its words."""
+    """Return the facts about a camera in which a filter looks for its words."""
     state = look.camera(camera)
     return (
         f"{name} camera {camera.gate} {state} {'fine' if state == 'works' else 'problem'}".lower()
@@ -186,14 +186,14 @@ def camera_words(name: str, camera: CameraReport, look: Reliance) -> str:
 
 
 class _Item(NamedTuple):
-    """A row: a heading has the title of its group as name, a note its text."""
+    """A row of the table; `name` is the title of a heading, the text of a note, or an id."""
 
     kind: Literal["heading", "track", "asset", "camera", "note"]
     name: str
 
 
 class RowCount(NamedTuple):
-    """The numbers of rows, of shown ones, and of all that need attention."""
+    """The numbers of all rows, of shown rows, and of rows that need attention."""
 
     total: int = 0
     shown: int = 0
@@ -201,7 +201,7 @@ class RowCount(NamedTuple):
 
 
 class AssetTable(VirtualRows):
-    """Status, place and age of the last report of everything; only rows in view are laid out."""
+    """The last reports of all assets, tracks and cameras; only rows in view are laid out."""
 
     def __init__(self, world: World, **kwargs: str) -> None:
         super().__init__(**kwargs)
@@ -215,7 +215,7 @@ class AssetTable(VirtualRows):
         self.count = RowCount()
 
     def show(self, picture: Picture | None) -> None:
-        """Show another picture; filter and cursor stay."""
+        """Show another picture; the filter and the cursor are kept."""
         self._picture = picture
         if picture is None:
             self._items = [_Item("note", "no telemetry yet: unknown")]
@@ -227,12 +227,12 @@ class AssetTable(VirtualRows):
         self.set_keys(["" if item.kind in plain else item.name for item in self._items])
 
     def filter(self, text: str) -> None:
-        """Show only rows with every word of `text` in their facts."""
+        """Show only rows whose facts have every word of `text`."""
         self._wanted = tuple(text.lower().split())
         self.show(self._picture)
 
     def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
-        """Return the rows in order: the most urgent first, equal ones as they arrived."""
+        """Return the rows in order: the most urgent first, equally urgent ones as they arrived."""
         tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
         ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
         assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])
@@ -278,13 +278,13 @@ class AssetTable(VirtualRows):
         return ASSETS.line(asset_cells(asset, self._short, look), width)
 
     def sticky(self, first: int, width: int) -> Content | None:
-        """Return the heading of the group that is scrolled through."""
+        """Return the heading of the group at the top of the view."""
         at = bisect_right(self._headings, first) - 1
         return self.row(self._headings[at], width) if at >= 0 else None
 
 
 class AssetPane(Vertical):
-    """Shows the table; a filter that is set is always named, so that nothing is missed unseen."""
+    """The table with its filter; a filter in use is always named in the title."""
 
     BINDINGS = [Binding("escape", "clear", "No filter", show=False)]
 
@@ -298,7 +298,7 @@ class AssetPane(Vertical):
         self._table = AssetTable(world, id="asset-rows")
 
     def compose(self) -> ComposeResult:
-        """Yield the filter's line, hidden until it is used, and the table."""
+        """Yield the field of the filter, hidden until it is used, and the table."""
         yield self._field
         yield self._table
 
@@ -318,7 +318,7 @@ class AssetPane(Vertical):
         self.screen.set_focus(self._field)
 
     def toggle_problems(self) -> None:
-        """Show only what needs attention, or everything again."""
+        """Show only rows that need attention, or all rows again."""
         self._set("" if self._text == PROBLEMS else PROBLEMS)
 
     @on(Input.Changed, "#asset-filter")
@@ -334,7 +334,7 @@ class AssetPane(Vertical):
         self._leave()
 
     def action_clear(self) -> None:
-        """Take the filter away."""
+        """Remove the filter."""
         self._set("")
         self._leave()
 

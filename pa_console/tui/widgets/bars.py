@@ -1,4 +1,4 @@
-"""The lines of the screen: status, view names on a small terminal, the bar of a replay, keys."""
+"""The bars of the screen: status, views of a small terminal, position of a replay, and keys."""
 
 from dataclasses import dataclass
 from itertools import groupby
@@ -24,7 +24,7 @@ VIEWS = (
     ("alarms", "5 Alarms"),
 )  # fmt: skip
 STALE_AFTER_S = 5.0
-"""Wall seconds without telemetry after which the stream is called stale; the user may change it."""
+"""The wall seconds without telemetry after which it is stale; the user may change them."""
 
 JOINED = "JOINED"
 """The beginning of the mode of a joined console; the station's name follows."""
@@ -35,11 +35,14 @@ UNLOGGED = " LOG NOT WRITTEN: NOTHING IS DISPATCHED "
 
 
 class Scrubber(Static):
-    """One cell for each part of the recording, with the worst mark in it."""
+    """A bar with a cell for each part of a recording, which shows the worst mark in that part."""
 
     @dataclass
     class PlaceClicked(Message):
-        """The bar was clicked; `share` of the recording, 0 to 1, is before that place."""
+        """Posted when the bar is clicked.
+
+        `share` is the part of the recording before the clicked place, from 0 to 1.
+        """
 
         share: float
 
@@ -55,7 +58,7 @@ class Scrubber(Static):
         return max(self.content_size.width, LEAST)
 
     def show(self, position: float) -> None:
-        """Show that the replay stands at `position`, in seconds from the first event."""
+        """Show the `position` of the replay, in seconds from the first event."""
         self._position = position
         if len(self._marks) != self.places:
             self._marks = self._timeline.marks_by_place(self.places)
@@ -80,23 +83,23 @@ class Scrubber(Static):
         self.show(self._position)
 
     def on_click(self, event: events.Click) -> None:
-        """Ask to go to the place that was clicked."""
+        """Post the clicked place."""
         place = event.get_content_offset(self)
         if place is not None:
             self.post_message(self.PlaceClicked((place.x + 0.5) / self.places))
 
 
 class ViewBar(Static):
-    """The names of the views, with the shown one marked; a click on a name chooses it."""
+    """The names of the views, with the shown one marked; a click on a name chooses the view."""
 
     @dataclass
     class ViewChosen(Message):
-        """A view's name was clicked."""
+        """Posted when the name of a view is clicked."""
 
         view: str
 
     def show(self, current: str) -> None:
-        """Mark `current`."""
+        """Mark the view `current`."""
         parts: list[tuple[str, str]] = []
         for view, label in VIEWS:
             text = f" {label} "
@@ -104,7 +107,7 @@ class ViewBar(Static):
         self.update(Content.assemble(*parts))
 
     def on_click(self, event: events.Click) -> None:
-        """Choose the view whose name is at the pointer."""
+        """Post the view whose name was clicked."""
         end = 0
         plain = str(self.content)
         for view, label in VIEWS:
@@ -115,7 +118,7 @@ class ViewBar(Static):
 
 
 class StatusBar(Static):
-    """Shows at a glance whether this is live, the age of the picture, and the model's state."""
+    """The state of the session: whether it is live, the picture's age, the model, the mission."""
 
     stale_after_s = STALE_AFTER_S
 
@@ -159,7 +162,7 @@ class StatusBar(Static):
         tak = _Item(2 if state.tak.away else 4, Content.assemble(*self._tak(state.tak, wide=wide)))
         if idle and state.tak.away:
             items.append(tak)
-        # The bar of a narrow screen has no room for both.
+        # A narrow bar has no room for both the manual assets and "no mission".
         if not (manual and idle and not state.ended):
             told, waits = self._mission(state, mode)
             add(3 if state.active is not None and state.stop is None else 0, "  ", told)
@@ -174,7 +177,7 @@ class StatusBar(Static):
         self.update(_fitted(items, self.content_size.width), layout=False)
 
     def _next_start(self, state: SessionState) -> Content | None:
-        """Return the number of standing orders in force, and the countdown to the next moment."""
+        """Return the countdown to a standing order's next start, or else the number of orders."""
         given = [each for each in state.standing.values() if each.in_force]
         if not given or state.ended:
             return None
@@ -190,7 +193,7 @@ class StatusBar(Static):
         return Content.styled(told, NOTE)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
-        """Return the state of the models on servers, the worst of several."""
+        """Return the state of the models on servers; of several states, the worst."""
         if not state.servers:
             return []
         order = ("away", "probing", "unconstrained", "ready")
@@ -214,9 +217,9 @@ class StatusBar(Static):
         return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
 
     def _gates(self, state: SessionState) -> tuple[Content, str]:
-        """Name the gates that are not covered, and count them in short; '' if all are covered.
+        """Return the gates that are not covered, and a short count; '' if all are covered.
 
-        One of which nothing is known is not covered.
+        A gate with unknown cover counts as not covered.
         """
         if state.picture is None:
             return Content.styled("? gates unknown", "$text-warning"), "? gates"
@@ -238,7 +241,7 @@ class StatusBar(Static):
         return Content.styled(f"{mark.glyph} all gates covered", mark.style), ""
 
     def _manual(self, state: SessionState) -> list[tuple[str, str]]:
-        """Name the assets under manual control."""
+        """Return the assets under manual control."""
         assets = state.picture.assets if state.picture is not None else {}
         short, mark = short_names(assets), term("asset", "manual")
         names = [short[name] for name, asset in assets.items() if asset.manual]
@@ -264,16 +267,16 @@ class StatusBar(Static):
 
 
 class _Item(NamedTuple):
-    """A part of the status bar; parts of a higher rank are left out first, those of 0 never."""
+    """A part of the status bar; a higher rank is left out first, and rank 0 never is."""
 
     rank: int
     content: Content
     short: str = ""
-    """Fewer words of a part that is never left out."""
+    """A shorter text for a part that is never left out."""
 
 
 def _fitted(items: list[_Item], width: int) -> Content:
-    """Return the parts in one line: without parts that do not fit, then in fewer words."""
+    """Return the parts in one line; if room is short, leave out parts, then shorten the others."""
     shown = list(items)
     while _cells(shown) > width and (least := max((each.rank for each in shown), default=0)) > 0:
         shown = [each for each in shown if each.rank < least]
@@ -291,7 +294,7 @@ def _cells(items: list[_Item]) -> int:
 
 
 def _rules_alarm(seal: RulesSeal | None) -> str:
-    """Return the fault of the rules in force that must be seen, "" for none."""
+    """Return the alarm for a fault of the rules in force; '' for none."""
     if seal is None:
         return ""
     if seal.altered:
@@ -302,9 +305,9 @@ def _rules_alarm(seal: RulesSeal | None) -> str:
 
 
 class KeyFooter(Footer):
-    """The keys that are legal now; composed again only if one of them has changed.
+    """The keys that are legal now; they are composed again only if one of them has changed.
 
-    Textual reports a change with every move of the focus.
+    Textual reports a change whenever the focus moves.
     """
 
     def __init__(self) -> None:
@@ -312,7 +315,7 @@ class KeyFooter(Footer):
         self._shown: list[tuple[Binding, bool, str]] | None = None
 
     async def recompose(self) -> None:
-        """Compose the keys, where others are shown; those of a screen that is closing stay."""
+        """Compose the keys if they have changed; do nothing on a screen that is closing."""
         if not self.is_attached:
             return
         active = self.screen.active_bindings.values()
@@ -323,11 +326,11 @@ class KeyFooter(Footer):
             self.call_after_refresh(self._leave_out_cut)
 
     def on_resize(self) -> None:
-        """Show the keys that have room now."""
+        """Show the keys for which there is room now."""
         self.call_after_refresh(self._leave_out_cut)
 
     def _leave_out_cut(self) -> None:
-        """Leave out the keys that would be cut by the end of the line."""
+        """Hide the keys that would be cut off at the end of the line."""
         end = 0
         for key in self.children:
             end += key.get_content_width(self.size, self.size) + key.gutter.width

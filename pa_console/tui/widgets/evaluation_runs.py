@@ -1,4 +1,4 @@
-"""The runs of an evaluation: filtered, a row each, the details of one; its report's tables."""
+"""The runs of an evaluation: filter, rows and details; and the tables of its report."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ from pa_console.tui.status_words import BAD, NOTE, QUIET, WARN, term
 from pa_console.tui.widgets.row_views import Cells, Layout, PointedRows
 
 Kind = Literal["all", "strict", "judge", "rules", "refuse"]
-"""A kind of runs; all but the first and the last are failures."""
+"""A kind of runs; all kinds but the first and the last are failures."""
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -54,13 +54,13 @@ _NO_RUNS = (
 )
 _GAP = "  "
 LEAST_TEXT = 14
-"""Columns of text wrap down to this many cells before a table grows wider than the screen."""
+"""The least width of a text column, cells; without this room, the table exceeds the screen."""
 
 LEAST_WIDTH = 40
 
 
 def judge_wrong(record: RunRecord) -> bool:
-    """Return whether a verdict of the judge, before or after, contradicts the strict success."""
+    """Return whether a verdict of the judge, on plan or outcome, contradicts the strict success."""
     given = (record.judge_plan, record.judge_outcome)
     return any(verdict is not None and (verdict == "Success") != record.strict for verdict in given)
 
@@ -75,13 +75,13 @@ _TESTS: dict[Kind, Callable[[RunRecord], bool]] = {
 
 
 class RunFilter(NamedTuple):
-    """A kind of runs, and words that each have to occur in the facts of a run."""
+    """A filter for runs: a kind, and words that must all occur in the facts about a run."""
 
     kind: Kind = "all"
     text: str = ""
 
     def passed(self, records: Iterable[RunRecord]) -> list[RunRecord]:
-        """Return the records that pass, in the order in which they are given."""
+        """Return the records that pass, in the given order."""
         words, fits = self.text.lower().split(), _TESTS[self.kind]
         return [record for record in records if fits(record) and (not words or _has(record, words))]
 
@@ -96,7 +96,7 @@ def _has(record: RunRecord, words: Sequence[str]) -> bool:
 
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
-    """Return a run from its command to its latency; what went wrong comes before the rest."""
+    """Return the rows of a run, from its command to its latency; faults come before the rest."""
     strict = _score(record.strict)
     expected: list[Part] = [EXPECTED[record.expect]]
     if record.category:
@@ -175,7 +175,7 @@ def _answers(record: RunRecord) -> list[Part]:
 
 
 def _latency(metrics: Metrics) -> list[WrappedRow]:
-    """Return the seconds of every stage that took any; execution is in simulated seconds."""
+    """Return the seconds of every stage that took any; those of the execution are simulated."""
     taken = [(name, getattr(metrics, field)) for name, field in _STAGES]
     parts: list[Part] = [(duration_text(metrics.end_to_end_s), f"bold {NOTE}"), " in all:"]
     for name, seconds in taken:
@@ -200,7 +200,7 @@ def title_text(folder: Path, *, tables: bool, width: int) -> Content:
 
 
 def totals_text(shown: Sequence[RunRecord], runs: int, problem: str) -> Content:
-    """Return how many of the `runs` are shown, with their rates, or why they cannot be read."""
+    """Return the number of shown runs with their rates, or the reason why none can be read."""
     if problem:
         return Content.styled(f"✘ {problem}", BAD)
     of = "" if len(shown) == runs else f" of {runs:,}"
@@ -217,13 +217,13 @@ def totals_text(shown: Sequence[RunRecord], runs: int, problem: str) -> Content:
 
 
 def nothing_rows(folder: Path, problem: str) -> tuple[WrappedRow, ...]:
-    """Yield the reason why there is no run, and the remedy."""
+    """Return the reason why there is no run, and the remedy."""
     texts = (_UNREADABLE,) if problem else _NO_RUNS
     return tuple(row("", text.format(folder=homely(folder))) for text in texts)
 
 
 def homely(path: Path) -> str:
-    """Write a path with `~` for the user's home."""
+    """Return a path with `~` for the user's home."""
     try:
         return str(Path("~") / path.resolve().relative_to(Path.home()))
     except (ValueError, RuntimeError):
@@ -231,7 +231,7 @@ def homely(path: Path) -> str:
 
 
 def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
-    """Return all tables, one below the other, in `width` cells as far as their numbers allow."""
+    """Return all tables, one below the other, `width` cells wide unless their numbers need more."""
     lines: list[Content] = []
     for table in tables:
         lines += layout([row("", (table.title, f"bold {NOTE}"))], width)
@@ -243,7 +243,7 @@ def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
 
 
 def _grid(table: ReportTable, width: int) -> list[Content]:
-    """Return heading, rule and rows; columns of numbers stay whole and are aligned right."""
+    """Return the heading, the rule and the rows; columns of numbers are not cut and align right."""
     numeric = [table.numeric(index) for index in range(len(table.columns))]
     widths = _widths(table, numeric, width)
     heading = [piece.stylize(QUIET) for piece in _line(table.columns, widths, numeric)]
@@ -255,7 +255,7 @@ def _grid(table: ReportTable, width: int) -> list[Content]:
 
 
 def _widths(table: ReportTable, numeric: Sequence[bool], width: int) -> list[int]:
-    """Return the cells of each column; the widest of text give way, titles of numbers wrap."""
+    """Return the width of each column; wide text columns shrink, titles of number columns wrap."""
     columns = list(zip(table.columns, *table.rows, strict=True))
     widths: list[int] = []
     for (title, *cells), right in zip(columns, numeric, strict=True):
@@ -273,7 +273,7 @@ def _widths(table: ReportTable, numeric: Sequence[bool], width: int) -> list[int
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) -> list[Content]:
-    """Return one row of cells, as many lines high as its highest cell."""
+    """Return one row of cells, with as many lines as its highest cell."""
     wrapped = [Content(text).wrap(room) for text, room in zip(cells, widths, strict=True)]
     lines: list[Content] = []
     for number in range(max(map(len, wrapped), default=0)):
@@ -292,11 +292,11 @@ class ReportTables(ScrollableContainer):
     _tables: Sequence[ReportTable] = ()
 
     def compose(self) -> ComposeResult:
-        """Hold one text."""
+        """Yield the widget for the text."""
         yield Static(id="evaluation-text", markup=False)
 
     def show(self, tables: Sequence[ReportTable], instead: Content) -> None:
-        """Show `tables`, or `instead` when there are none."""
+        """Show `tables`, or `instead` if there are none."""
         self._tables = tables
         if tables:
             self._write()
@@ -304,7 +304,7 @@ class ReportTables(ScrollableContainer):
             self.query_one(Static).update(instead)
 
     def on_resize(self, _event: events.Resize) -> None:
-        """Lay the tables out for the width that the pane has now."""
+        """Lay the tables out for the present width."""
         if self._tables:
             self._write()
 
@@ -323,7 +323,7 @@ def _verdict(given: Opinion | None, strict: bool) -> tuple[str, str]:
 
 
 class RunRows(PointedRows[RunRecord]):
-    """The list of runs; a verdict that contradicts the true state carries ≠."""
+    """The list of runs; a verdict that contradicts the true state is marked with ≠."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "choose", "Trace")]
     COLUMNS: ClassVar[Layout] = Layout(
@@ -334,7 +334,7 @@ class RunRows(PointedRows[RunRecord]):
     )  # fmt: skip
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Give the mission a part of the room that is left."""
+        """Give the mission a part of the remaining room."""
         return {"mission": min(room, 20)}
 
     def cells(self, key: str) -> Cells:

@@ -1,8 +1,8 @@
 """Fields to type in and boxes to tick.
 
-The library puts a letter into a field at once, but lets the field's other keys (a deletion, a
-movement) go round by the application first, which may be busy. What was typed after such a key
-would then come before it, and be deleted with the rest.
+Textual puts a letter into a field at once, but passes the field's other keys (a deletion, a
+movement) through the app, which may be busy. Text typed after such a key would then arrive before
+the key and be deleted with the rest. These fields therefore run their keys at once.
 """
 
 from textual import events
@@ -16,12 +16,12 @@ from pa_console.schema.text import visible
 
 
 class CheckBox(Static, can_focus=True):
-    """A box ticked by Space, Enter or a click; `name` identifies the accepted point."""
+    """A box that Space, Enter or a click ticks; `name` identifies the accepted point."""
 
     BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]
 
     class Changed(Message):
-        """The box was ticked or unticked."""
+        """Posted when the box is ticked or unticked."""
 
     def __init__(self, label: str, name: str) -> None:
         super().__init__(name=name)
@@ -48,7 +48,7 @@ class CheckBox(Static, can_focus=True):
 
 
 class LineField(Input):
-    """A field for one line, in one row of the screen; of pasted lines it makes one."""
+    """A field for one line, in one row of the screen; pasted lines are joined."""
 
     def __init__(
         self,
@@ -62,16 +62,16 @@ class LineField(Input):
         self.cursor_blink = False
 
     async def on_key(self, event: events.Key) -> None:
-        """Do at once what a key of this field does."""
+        """Run a key of this field at once."""
         await _act(self, event)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Keep every line of pasted text, one behind the other; all of it stays visible."""
+        """Join the lines of pasted text; invisible characters become escapes."""
         event.text = " ".join(map(visible, event.text.splitlines()))
 
 
 class TextField(TextArea):
-    """A field for many lines; begin and end of the whole text have their usual keys."""
+    """A field for many lines, with the usual keys for the beginning and the end of the text."""
 
     BINDINGS = [
         Binding("ctrl+home", "to_edge", "Begin of the text", show=False),
@@ -81,22 +81,22 @@ class TextField(TextArea):
     ]
 
     async def on_key(self, event: events.Key) -> None:
-        """Do at once what a key of this field does."""
+        """Run a key of this field at once."""
         await _act(self, event)
 
     def on_paste(self, event: events.Paste) -> None:
-        """Keep all of pasted text visible."""
+        """Insert pasted text; invisible characters become escapes."""
         event.text = visible(event.text.replace("\r\n", "\n").replace("\r", "\n"))
 
     def action_to_edge(self, end: bool = False, select: bool = False) -> None:
-        """Put the cursor at the begin or the end of the text; what lies between is selected."""
+        """Move the cursor to the beginning or the end of the text; `select` selects up to it."""
         self.move_cursor(self.document.end if end else self.document.start, select=select)
 
 
 async def _act(field: Widget, event: events.Key) -> None:
     """Run the action that `field` itself binds to a key, instead of passing the key on.
 
-    A key with Alt has a character but is none of a text: it goes on to whatever it does.
+    A key with Alt has a character but types none, so it is passed on.
     """
     if event.key.startswith("alt+"):
         event.prevent_default()

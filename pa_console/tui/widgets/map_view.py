@@ -1,4 +1,4 @@
-"""The live map: only rows that changed are painted again; it can be zoomed and follow something."""
+"""The live map, which repaints only changed rows; it can be zoomed and follow an item."""
 
 from collections import deque
 from collections.abc import Collection, Iterator
@@ -27,13 +27,13 @@ TRAIL_S = 20.0
 """The length of a trail, simulated seconds."""
 
 GAP_S = 6.0
-"""The gap between two pictures after which the way is unknown, seconds."""
+"""The longest gap between two pictures that a trail bridges, seconds."""
 
 STEP_M = 0.5
-"""Less than this is noise of a position."""
+"""The least movement of a trail, metres; less is noise of the position."""
 
 MOST_THINGS = 200
-"""A larger team gets no trails: they would cover the map."""
+"""The largest team with trails; more trails would cover the map."""
 
 LEGEND = (
     ("⠤", "planned way", "ghost"), ("◎", "arrives", "arrival"), ("1→2", "guards", "gate-gains"),
@@ -50,33 +50,33 @@ LEGEND = (
     ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
     ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
 )  # fmt: skip
-"""Glyph, word and role; named only while something of that role is on the map."""
+"""The glyph, word and role of each sign; a sign is listed only while its role is on the map."""
 
 LEGEND_FROM_ROWS = 13
-"""A map with fewer rows needs them all."""
+"""The least height of a map with a legend, rows."""
 
 RIGHT_BUTTON = 3
 MOST_ZOOM = 16.0
 FOLLOW_ZOOM = 2.0
-"""Following something brings the map at least this near."""
+"""The least zoom when the map begins to follow an item."""
 
 SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 SCALE_COLUMNS = 7
-"""The bar of the scale is about so long."""
+"""The approximate length of the scale bar, columns."""
 
 PAN_SHARE = 0.25
 """The share of the view that one step of panning moves."""
 
 
 class Trails:
-    """Remembers the last positions of everything that moves."""
+    """The latest positions of everything that moves."""
 
     def __init__(self) -> None:
         self._seen: dict[str, deque[tuple[float, Point]]] = {}
         self._time_s = 0.0
 
     def add(self, picture: Picture | None) -> None:
-        """Take in another picture; one from before, or from much later, starts anew."""
+        """Add a picture; an earlier picture, or one after a long gap, starts all trails again."""
         time_s = picture.time_s if picture is not None else 0.0
         if not self._time_s <= time_s <= self._time_s + GAP_S:
             self._seen.clear()
@@ -94,7 +94,7 @@ class Trails:
                 seen.popleft()
 
     def __iter__(self) -> Iterator[list[Point]]:
-        """Yield the way of everything that has moved, oldest position first."""
+        """Yield the trail of everything that has moved, oldest position first."""
         yield from ([point for _, point in seen] for seen in self._seen.values() if len(seen) > 1)
 
 
@@ -106,7 +106,7 @@ class MapView(Widget):
 
     @dataclass
     class Picked(Message):
-        """The content of the clicked cell, tracks and assets first; it may be empty.
+        """Posted with the content of a clicked cell, tracks and assets first; it may be empty.
 
         `at` is the cell of the screen; `menu` is True for the right button.
         """
@@ -145,10 +145,10 @@ class MapView(Widget):
         *,
         live: bool = False,
     ) -> None:
-        """Show another picture; hidden, nothing is drawn until the map is seen again.
+        """Show another picture; a hidden map is drawn only when it is seen again.
 
-        `contacts` are what others report. There are trails only where it is `live`: what a replay
-        shows depends on its moment alone.
+        `contacts` are reports by others. Trails are shown only if the session is `live`, because
+        the view of a replay depends on its moment alone.
         """
         self._picture, self._contacts = picture, tuple(contacts)
         self._trails.add(picture if live else None)
@@ -156,14 +156,14 @@ class MapView(Widget):
             self._draw_next()
 
     def lay(self, background: Background) -> None:
-        """Draw `background` beneath everything, in place of the world's own."""
+        """Use `background` beneath everything, in place of the world's own."""
         self._scene.lay(background)
 
     def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
-        """Draw over the picture a plan that has not run; everything else is dimmed.
+        """Draw a plan that has not run over the picture, and dim everything else.
 
-        With `moment_s` the picture is what the rehearsal has shown at that moment, not the last
-        one.
+        With `moment_s`, show the picture of the rehearsal at that moment instead of the last
+        picture.
         """
         if (plan, moment_s) == (self._plan, self._moment_s):
             return
@@ -174,14 +174,14 @@ class MapView(Widget):
             self._draw_next()
 
     def zoom_by(self, factor: float) -> None:
-        """Go nearer or farther; at 1 the whole site is shown."""
+        """Multiply the zoom by `factor`; at 1, the whole site is shown."""
         self._zoom = min(max(self._zoom * factor, 1.0), MOST_ZOOM)
         if self._zoom <= 1.0:
             self._centre = None
         self._draw()
 
     def pan(self, right: int, up: int) -> None:
-        """Look at what lies beside, a part of the view further; nothing is followed any more."""
+        """Move the view by a share of its size, and follow nothing any more."""
         if self._zoom > 1.0:
             west, south, east, north = self._whole
             x, y = self._centre or ((west + east) / 2, (south + north) / 2)
@@ -192,7 +192,7 @@ class MapView(Widget):
             self._draw()
 
     def next_sensors(self) -> None:
-        """Show what cameras see, then what assets see too, then neither."""
+        """Show the cameras' fields of view, then those of the assets too, then neither."""
         order: tuple[Sensors, ...] = ("", "cameras", "all")
         self._sensors = order[(order.index(self._sensors) + 1) % len(order)]
         self._draw()
@@ -200,7 +200,7 @@ class MapView(Widget):
     def follow(self, name: str) -> bool:
         """Keep an asset, track, camera or frame in view and point at it; '' follows nothing.
 
-        Returns whether there is anything of that name.
+        Returns whether there is an item of that name.
         """
         place = self._place_of(name)
         self.followed = name if place is not None else ""
@@ -222,7 +222,7 @@ class MapView(Widget):
         return Projection(self._world, 2, 20).whole
 
     def _window(self) -> Window:
-        """Return what to show; what is followed may move in the middle of the view unnoticed."""
+        """Return the window to show; it moves if a followed item leaves the middle of the view."""
         place = self._place_of(self.followed) if self.followed else None
         if self._zoom > 1.0 and place is not None:
             west, south, east, north = self._whole
@@ -233,10 +233,10 @@ class MapView(Widget):
         return self._zoom, self._centre
 
     def _fit_of(self, width: int, height: int) -> tuple[int, int]:
-        """Return the size that the scale is for: the largest since the terminal has this size.
+        """Return the size for the scale: the largest since the terminal has had its present size.
 
-        So a pane that opens takes away what lies around the site, and the scale stays, unless a
-        frame would be out of sight.
+        When a pane opens, the map therefore loses the surroundings of the site and keeps its scale,
+        unless a frame would be out of sight.
         """
         if self._fit_for != self.app.size:
             self._fit, self._fit_for = (width, height), self.app.size
@@ -268,12 +268,12 @@ class MapView(Widget):
         self._draw()
 
     def notify_style_update(self) -> None:
-        """Forget colours when the theme or the style sheet changes."""
+        """Reset the colours when the theme or the style sheet changes."""
         super().notify_style_update()
         self._styles = {}
 
     def _draw_next(self) -> None:
-        """Draw once all that has changed with this frame is known, as its next message."""
+        """Draw in the next message, when all changes of this frame are known."""
         if not self._is_due:
             self._is_due = True
             self.call_next(self._draw)
@@ -321,7 +321,7 @@ class MapView(Widget):
                 self.post_message(self.Picked(names, event.screen_offset, menu=menu))
 
     def names_at(self, cell: Cell) -> tuple[str, ...]:
-        """Return the content of a cell: things whose marker or name is there, then the frames."""
+        """Return the content of a cell: items with a marker or name there, and then the frames."""
         canvas = self._canvas
         names = dict.fromkeys(canvas.marks.get(cell, ()))
         for at, written in canvas.labels.items():
@@ -358,7 +358,7 @@ class MapView(Widget):
 
 
 def legend(width: int, roles: set[str], columns_per_metre: float) -> list[Run]:
-    """Return the scale and a legend of the signs of `roles` that fit into `width`."""
+    """Return the scale and as many legend entries for `roles` as fit into `width`."""
     bar = scale_bar(columns_per_metre)
     runs: list[Run] = [(f" {bar}", "legend")]
     used = 1 + len(bar)

@@ -1,7 +1,7 @@
-"""The prompt for missions: as many lines as they need, history, completion, and example orders.
+"""The prompt for missions: several lines, history, completion, and example orders.
 
-A text put here by a menu, an example or an earlier order is only typed: `Enter` sends it, and not
-the `Enter` that may have been meant for the menu.
+A text put here by a menu, an example or an earlier order is only typed: `Enter` sends it, unless
+that `Enter` comes so soon that it may have been meant for the menu.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from pa_console.tui.surroundings import SecondsClock
 from pa_console.tui.widgets.fields import TextField
 
 ELSEWHERE = "Say in plain words what is to be done; / brings you here"
-"""The text of the empty prompt while keys go elsewhere: the first line that an operator reads."""
+"""The text of the empty, unfocused prompt: the first line that an operator reads."""
 
 _HERE = "Say in plain words what is to be done; Enter sends it"
 
@@ -34,17 +34,19 @@ _ASK = "Why?   Why not ASSET?   What would you do instead?   Enter asks it"
 """The text of the empty prompt if only questions are accepted."""
 
 PUT_S = 0.5
-"""An `Enter` sooner than this, in seconds, after a text was put here, or after another `Enter` that
-came so soon, does not send it."""
+"""The time after a text was put here in which `Enter` does not send it, seconds.
+
+Such an `Enter` restarts the time.
+"""
 
 MOST_SHOWN = 6
-"""The number of names that fit a slot that are shown; the rest are counted."""
+"""The most names that are shown for a slot; the rest are counted."""
 
 HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class _TriedCompletion(NamedTuple):
-    """A name that was written, number `number` of those found, and how the field then was."""
+    """A completed name, its number among those found, and the text and cursor after it."""
 
     found: Completion
     number: int
@@ -53,7 +55,7 @@ class _TriedCompletion(NamedTuple):
 
 
 class MissionInput(TextField):
-    """A few lines of text; what was typed is kept until the mission was taken."""
+    """A field of a few lines; its text is kept until the mission is accepted."""
 
     BINDINGS = [
         Binding("tab", "complete", "Complete the name, or go to the next slot", show=False),
@@ -64,10 +66,10 @@ class MissionInput(TextField):
     ]
 
     class Sent(Message):
-        """Enter was pressed."""
+        """Posted when Enter sends the text."""
 
     class CursorMoved(Message):
-        """The cursor stands elsewhere, or another text stands round it."""
+        """Posted when the cursor or the text around it has changed."""
 
     _instead = ""
 
@@ -80,7 +82,7 @@ class MissionInput(TextField):
         here: str = _HERE,
         elsewhere: str = ELSEWHERE,
     ) -> None:
-        """Show `here` in the empty field while keys go to it, `elsewhere` otherwise."""
+        """Show `here` in the empty field while it has the focus, `elsewhere` otherwise."""
         self._names, self._clock = names, clock
         self._here, self._elsewhere = here, elsewhere
         self._put_at_s: float | None = None
@@ -96,7 +98,7 @@ class MissionInput(TextField):
         self._missions = history
 
     def watch_has_focus(self, focus: bool) -> None:
-        """Show the key that leads here only while keys go elsewhere."""
+        """Show the key that leads here only while the focus is elsewhere."""
         self._watch_has_focus(focus)
         self._say()
 
@@ -111,21 +113,21 @@ class MissionInput(TextField):
             self.placeholder = said
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the function keys, by which a text area selects, to the console."""
+        """Leave the function keys, with which a text area selects, to the console."""
         if action in ("select_line", "select_all"):
             return False
         return super().check_action(action, parameters)
 
     async def on_key(self, event: events.Key) -> None:
-        """Take no slash as the first letter: it is the key that leads here."""
+        """Drop a slash as the first character, because it is the key that leads here."""
         if event.key == "slash" and not self.text:
             event.stop()
             event.prevent_default()
 
     def action_send(self) -> None:
-        """Post the text for sending; not for a key that is held, or was meant for another purpose.
+        """Post the text for sending, unless the key is held or was meant for another purpose.
 
-        Such a key begins the wait anew.
+        Such a key restarts the wait.
         """
         now_s = self._clock()
         if self._put_at_s is not None and now_s - self._put_at_s < PUT_S:
@@ -137,7 +139,7 @@ class MissionInput(TextField):
     # Texts that are put here
 
     def put(self, text: str) -> None:
-        """Type `text` in place of what stands here, which `ctrl+z` brings back."""
+        """Type `text` in place of the present text, which `ctrl+z` restores."""
         if self.text:
             self.replace(text, self.document.start, self.document.end)
         else:
@@ -148,14 +150,14 @@ class MissionInput(TextField):
 
     @property
     def slot(self) -> Slot | None:
-        """The open slot that the cursor is in, else the next one behind it, else the first."""
+        """The open slot at the cursor, or else the next one after it, or else the first."""
         start = min(self._index(self.selection.start), self._index(self.selection.end))
         return next_slot(self.text, start)
 
     def select_slot(self, after: int) -> bool:
-        """Select the first open slot at or behind the index `after`; returns whether there is one.
+        """Select the first open slot at or after the index `after`; return whether there is one.
 
-        What is typed then takes its place.
+        Text that is typed then replaces the slot.
         """
         slot = next_slot(self.text, after)
         if slot is not None:
@@ -180,13 +182,13 @@ class MissionInput(TextField):
     # Names
 
     def update_suggestion(self) -> None:
-        """Show the missing rest of the name that is being typed."""
+        """Show the rest of the name that is being typed."""
         found = self._completion()
         self.suggestion = found.rest if found is not None else ""
         self.post_message(self.CursorMoved())
 
     def on_text_area_selection_changed(self) -> None:
-        """Show no name where the cursor was."""
+        """Update the suggestion for the new place of the cursor."""
         self.update_suggestion()
 
     def _completion(self) -> Completion | None:
@@ -198,7 +200,7 @@ class MissionInput(TextField):
         return self._names.completion(line[:column])
 
     def action_complete(self) -> None:
-        """Complete the name; go to the next slot; try the next name; or leave the field."""
+        """Complete the name, go to the next slot, try the next name, or leave the field."""
         found, tried = self._completion(), self._tried
         if found is not None:
             self._write_name(found, 0, len(found.typed))
@@ -216,7 +218,7 @@ class MissionInput(TextField):
             self.screen.focus_next()
 
     def action_cursor_right(self, select: bool = False) -> None:
-        """Take the name that is shown, else go right."""
+        """Complete the name that is shown, or else move the cursor right."""
         found = self._completion()
         if found is not None and not select:
             self._write_name(found, 0, len(found.typed))
@@ -236,14 +238,14 @@ class MissionInput(TextField):
         self.insert("\n")
 
     def action_earlier(self) -> None:
-        """Go a line up, from the first to the mission before."""
+        """Move a line up; from the first line, recall the mission before."""
         if self.cursor_at_first_line:
             self._recall(-1)
         else:
             self.action_cursor_up()
 
     def action_later(self) -> None:
-        """Go a line down, from the last to the mission after."""
+        """Move a line down; from the last line, recall the mission after."""
         if self.cursor_at_last_line:
             self._recall(1)
         else:
@@ -255,7 +257,7 @@ class MissionInput(TextField):
 
 
 class ReadingLine(Static):
-    """The reading of the order in the prompt so far; in the footer's place, so that nothing moves.
+    """The reading of the order in the prompt, in place of the footer, so that nothing moves.
 
     It is a reading and never an approval: the line takes no key.
     """
@@ -271,24 +273,24 @@ class ReadingLine(Static):
     """The text whose reading is shown; '' for none."""
 
     def show(self, text: str, reading: str) -> None:
-        """Show the reading of `text`, or hide the line without one."""
+        """Show the reading of `text`, or hide the line if there is none."""
         self.text = text if reading else ""
         self.display = bool(reading)
         self.update(Content.styled(reading, QUIET), layout=False)
 
 
 class MissionPrompt(Horizontal):
-    """The prompt; when closed, it shows the reason, and accepts questions at most."""
+    """The prompt; if it is closed, it shows the reason and accepts at most questions."""
 
     @dataclass
     class Given(Message):
-        """The operator sent a mission."""
+        """Posted when the operator sends a mission."""
 
         text: str
 
     @dataclass
     class Typed(Message):
-        """The operator is writing a mission, `text` so far; '' once nothing is left of it."""
+        """Posted when the typed text changes; `text` is '' once it is deleted."""
 
         text: str
 
@@ -301,9 +303,9 @@ class MissionPrompt(Horizontal):
         *,
         asks: bool = False,
     ) -> None:
-        """`closed` is the reason why no missions are taken, empty for an open prompt.
+        """Build the prompt; `closed` is the reason why no missions are accepted, empty if they are.
 
-        With `asks`, questions are taken all the same.
+        With `asks`, questions are accepted all the same.
         """
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
@@ -325,12 +327,12 @@ class MissionPrompt(Horizontal):
             yield MissionInput(self._history, self._names, self._clock)
 
     def on_text_area_changed(self, event: TextArea.Changed) -> None:
-        """Post that a mission is being typed, or was taken back."""
+        """Post the text as it is typed or deleted."""
         event.stop()
         self.post_message(self.Typed(self.draft))
 
     def on_mission_input_sent(self, event: MissionInput.Sent) -> None:
-        """Pass the text on; an empty field is nothing."""
+        """Post the text as a mission, unless it is empty or has an open slot."""
         event.stop()
         field = self.query_one(MissionInput)
         if slots(self.draft):
@@ -346,7 +348,7 @@ class MissionPrompt(Horizontal):
     @on(events.DescendantFocus)
     @on(events.DescendantBlur)
     def _keys_go_elsewhere(self) -> None:
-        """Show the help for writing, or hide it while keys go elsewhere."""
+        """Show the help for writing, or hide it while the focus is elsewhere."""
         self._say_above()
 
     def on_mission_input_cursor_moved(self, event: MissionInput.CursorMoved) -> None:
@@ -366,18 +368,18 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def show_keys(self, text: str) -> None:
-        """Show the keys that help to write in the line above, while it is free."""
+        """Show, in the line above, the keys that help to write, while that line is free."""
         self._keys = text
         self._say_above()
 
     def put(self, text: str) -> None:
-        """Type a text into the field in place of what stands there; nothing is sent."""
+        """Type a text into the field in place of the present text; nothing is sent."""
         if self._takes:
             self.query_one(MissionInput).put(text)
             self.take_cursor()
 
     def fill(self, names: Sequence[str]) -> bool:
-        """Put the first of `names` that fits into an open slot; returns whether one did."""
+        """Put the first of `names` that fits into an open slot; return whether one fits."""
         fitting = self.fitting(names)
         if fitting is None:
             return False
@@ -387,7 +389,7 @@ class MissionPrompt(Horizontal):
         return True
 
     def fitting(self, names: Sequence[str]) -> tuple[Slot, str] | None:
-        """Return the open slot that one of `names` fits, and that name; the cursor's slot first."""
+        """Return an open slot that one of `names` fits, and that name; prefer the cursor's slot."""
         if not self._takes:
             return None
         field = self.query_one(MissionInput)
@@ -400,12 +402,12 @@ class MissionPrompt(Horizontal):
         return None
 
     def taken(self, text: str) -> None:
-        """Clear the field after `text` was accepted, and remember it."""
+        """Clear the field after `text` was accepted, and add the text to the history."""
         self._history.add(text)
         self.query_one(MissionInput).text = ""
 
     def show_waiting(self, text: str) -> None:
-        """Show the present wait: in the line above, or in the field if there is none.
+        """Show the present wait in the line above, or in the field if there is no such line.
 
         A text that is being typed is never covered.
         """
@@ -413,7 +415,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def _say_above(self) -> None:
-        """Show the effect of Tab in the line above, else the present wait."""
+        """Show the effect of Tab in the line above, or else the present wait."""
         above = bool(self.styles.border_top[0])
         keys = self._keys if self.has_cursor and not self.draft else ""
         said = self._hint or self._waiting
@@ -429,21 +431,21 @@ class MissionPrompt(Horizontal):
 
     @property
     def has_cursor(self) -> bool:
-        """True if keys go to the field."""
+        """True if the field has the focus."""
         return self._takes and self.query_one(MissionInput).has_focus
 
     def take_cursor(self) -> None:
-        """Let keys go to the field, the very next one too."""
+        """Focus the field at once, so that it takes the very next key."""
         if self._takes:
             self.screen.set_focus(self.query_one(MissionInput))
 
 
 class ExampleLine(Static):
-    """One order."""
+    """The line of an example order."""
 
     @dataclass
     class Clicked(Message):
-        """The order was clicked."""
+        """Posted when the order is clicked."""
 
         order: str
 
@@ -453,19 +455,19 @@ class ExampleLine(Static):
         self._order = order
 
     def on_click(self) -> None:
-        """Post that it was clicked."""
+        """Post the order of the clicked line."""
         self.post_message(self.Clicked(self._order))
 
 
 class ExampleOrders(Vertical):
-    """Shown until the first mission of a session."""
+    """The example orders, shown until the first mission of a session."""
 
     def __init__(self, orders: Sequence[str], **kwargs: str) -> None:
         super().__init__(id=kwargs.get("id"))
         self.orders = tuple(orders)
 
     def compose(self) -> ComposeResult:
-        """Yield a line an order."""
+        """Yield the heading and a line for each order."""
         yield Static(Content.styled(HEADING, QUIET))
         for number, order in enumerate(self.orders, start=1):
             yield ExampleLine(number, order)

@@ -1,4 +1,4 @@
-"""Rows at whatever width there is: text to select, lists laid out only where in view, events."""
+"""Rows for any width: selectable text, lists that lay out only visible rows, and the events."""
 
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -20,19 +20,19 @@ from pa_console.tui.rows import WrappedRow, column, layout, row
 from pa_console.tui.status_words import NOTE, QUIET, term
 
 Cells = Mapping[str, tuple[str, str]]
-"""Text and style by column."""
+"""The text and style of each column."""
 
 NOTES = "notes"
-"""The column that takes the room that is left."""
+"""The column that takes the remaining room."""
 
 MARK = 2
-"""Cells of the pointer in front of a row."""
+"""The width of the pointer in front of a row, cells."""
 
 Item = TypeVar("Item")
 
 
 class Layout(NamedTuple):
-    """Columns of one group of rows with their widths, and which go first when room is short."""
+    """Columns of one group of rows, their widths, and the columns to drop first in narrow panes."""
 
     title: str
     columns: tuple[tuple[str, int], ...]
@@ -48,19 +48,19 @@ class Layout(NamedTuple):
         return tuple(columns)
 
     def heading(self, width: int, note: str = "") -> Content:
-        """Return the names of the columns; the first has the group's title."""
+        """Return the heading: the group's title in the first column, then the columns' names."""
         words = [column(name, cells, QUIET) for name, cells in self.fitting(width)[1:]]
         first = column(self.title, self.columns[0][1], f"bold {QUIET}")
         return Content.assemble(first, *words, (note, QUIET)).truncate(width)
 
     def line(self, cells: Cells, width: int) -> Content:
-        """Return a row; `notes` get the room that is left."""
+        """Return a row; the notes take the remaining room."""
         fields = [column(cells[n][0], room, cells[n][1]) for n, room in self.fitting(width)]
         return Content.assemble(*fields, cells.get(NOTES, "")).truncate(width, ellipsis=True)
 
 
 class TextRows(Widget):
-    """Shows rows with hanging indents; nothing in them is read as markup."""
+    """Rows with hanging indents; nothing in them is parsed as markup."""
 
     DEFAULT_CSS = "TextRows { height: auto; width: 1fr; }"
 
@@ -70,7 +70,7 @@ class TextRows(Widget):
         self._laid_out: tuple[int, Content] | None = None
 
     def show(self, rows: tuple[WrappedRow, ...]) -> None:
-        """Show other rows; the same rows again cost nothing."""
+        """Show other rows; showing the same rows again costs nothing."""
         if rows != self._rows:
             self._rows, self._laid_out = rows, None
             self.refresh(layout=True)
@@ -85,7 +85,7 @@ class TextRows(Widget):
         return self._at(width).plain.count("\n") + 1 if self._rows else 0
 
     def get_content_width(self, container: Size, viewport: Size) -> int:  # noqa: ARG002
-        """Return all the width there is."""
+        """Return the whole width of the container."""
         return container.width
 
     def render(self) -> Content:
@@ -94,9 +94,9 @@ class TextRows(Widget):
 
 
 class VirtualRows(ScrollView):
-    """A list with a cursor on one of its keys; subclasses render the row of a key.
+    """A list with a cursor on one of its keys; a subclass renders the rows of a key.
 
-    A key may have several rows one below the other. The cursor stays on its key when rows move.
+    A key may have several rows, one below the other. The cursor stays on its key when rows move.
     """
 
     can_focus = True
@@ -108,7 +108,7 @@ class VirtualRows(ScrollView):
 
     @dataclass
     class RowChosen(Message):
-        """Enter or a click on the row of `key`."""
+        """Posted for Enter or a click on the row of `key`."""
 
         rows: "VirtualRows"
         key: str
@@ -124,16 +124,16 @@ class VirtualRows(ScrollView):
         raise NotImplementedError
 
     def sticky(self, first: int, width: int) -> Content | None:
-        """Return what stays in the top line while row `first` is scrolled there, if anything."""
+        """Return the content to keep in the top line while row `first` is there, or None."""
         del first, width
         return None
 
     def selectable(self, key: str) -> bool:
-        """Return whether the cursor may stand on `key`."""
+        """Return whether the cursor may be on `key`."""
         return bool(key)
 
     def set_keys(self, keys: list[str]) -> None:
-        """Show rows with these keys; only lines in view that look different are painted."""
+        """Show rows with these keys; only visible lines that have changed are painted."""
         if len(keys) != len(self.keys):
             self.virtual_size = Size(self._room, len(keys))
         self.keys = keys
@@ -189,11 +189,11 @@ class VirtualRows(ScrollView):
     @on(events.Focus)
     @on(events.Blur)
     def _show_cursor(self) -> None:
-        """Show the cursor while keys go here."""
+        """Show the cursor only while the list has the focus."""
         self._repaint()
 
     def action_cursor(self, by: int) -> None:
-        """Move the cursor to the key before or after."""
+        """Move the cursor to the previous or the next key."""
         keys = [key for key in dict.fromkeys(self.keys) if self.selectable(key)]
         if keys:
             at = keys.index(self.cursor) if self.cursor in keys else 0
@@ -227,14 +227,15 @@ class VirtualRows(ScrollView):
 
     @property
     def text(self) -> str:
-        """Every row as plain text, those out of view included."""
+        """All rows as plain text, including those out of view."""
         return "\n".join(self.row(i, self._room).plain for i in range(len(self.keys)))
 
 
 class PointedRows(VirtualRows, Generic[Item]):
     """A table with a row for each item; the pointer stays on its row when others arrive.
 
-    Subclasses set the least `COLUMNS`, and define the cells of a row and the columns that grow.
+    Subclasses set `COLUMNS` with their least widths, and define the cells of a row and the columns
+    that grow.
     """
 
     COLUMNS: ClassVar[Layout]
@@ -247,7 +248,7 @@ class PointedRows(VirtualRows, Generic[Item]):
     ]
 
     class Pointed(Message):
-        """The pointer was moved to a row."""
+        """Posted when the pointer is moved to a row."""
 
     def __init__(self, **kwargs: str) -> None:
         super().__init__(**kwargs)
@@ -264,7 +265,7 @@ class PointedRows(VirtualRows, Generic[Item]):
         self.set_keys(list(self.items))
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Return what columns get of the `room` that is left, in cells."""
+        """Return the cells that each growing column gets of the remaining `room`."""
         raise NotImplementedError
 
     def cells(self, key: str) -> Cells:
@@ -291,12 +292,12 @@ class PointedRows(VirtualRows, Generic[Item]):
         return Content.assemble("  ", self.layout_of(width).heading(width))
 
     def point_at(self, key: str) -> None:
-        """Move the pointer to a row and post that."""
+        """Move the pointer to a row and post the move."""
         super().point_at(key)
         self.post_message(self.Pointed())
 
     def action_page(self, by: int) -> None:
-        """Move the pointer by what fits into the view."""
+        """Move the pointer by a number of pages."""
         self.action_cursor(by * max(1, self.size.height - 1))
 
     def action_end(self, index: int) -> None:
@@ -305,7 +306,7 @@ class PointedRows(VirtualRows, Generic[Item]):
             self.point_at(self.keys[index])
 
     def on_click(self, event: events.Click) -> None:
-        """Point at a row with one click, choose it with two."""
+        """Point at a row on one click, and choose it on two."""
         event.prevent_default()
         index = event.y + self.scroll_offset.y
         if index < len(self.keys):
@@ -317,7 +318,7 @@ class PointedRows(VirtualRows, Generic[Item]):
 class EventList(ScrollView):
     """The events, newest last; long lines wrap.
 
-    Events that only the simulation knows are left out, unless `all_known` (in a replay).
+    Events that only the simulation can see are left out, unless `all_known` (in a replay).
     """
 
     can_focus = True
@@ -333,7 +334,7 @@ class EventList(ScrollView):
         self.border_title = "Events"
 
     def show(self, notices: Iterable[Notice]) -> None:
-        """Show these notices; when nothing but new ones were added, only those are laid out."""
+        """Show these notices; if notices were only added at the end, lay out only the new ones."""
         given = [notice for notice in notices if self._all_known or not notice.hidden]
         added = given[len(self._shown) :]
         if given[: len(self._shown)] != list(self._shown):
@@ -360,7 +361,7 @@ class EventList(ScrollView):
         return max(20, self.scrollable_content_region.width or self.size.width)
 
     def _resized(self) -> None:
-        # where it was scrolled to last counts: fewer rows for the pane are no scrolling away
+        # the last scroll counts: a pane that gets lower has not been scrolled away from the end
         following = self._at_end or self.scroll_offset.y >= self.max_scroll_y - 1
         self.virtual_size = Size(self._width(), len(self._lines))
         if following and not self._ending:
@@ -369,17 +370,17 @@ class EventList(ScrollView):
         self.refresh()
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
-        """Follow the end from now on, or no longer, as the list is scrolled there or away."""
+        """Follow the end of the list only while the list is scrolled there."""
         super().watch_scroll_y(old_value, new_value)
         self._at_end = new_value >= self.max_scroll_y - 1
 
     def _to_end(self) -> None:
         self._ending = False
-        if self._width() != self._laid_out:  # a scrollbar has come or gone
+        if self._width() != self._laid_out:  # a scrollbar has appeared or disappeared
             self._lay_out()
             self.virtual_size = Size(self._laid_out, len(self._lines))
         self.scroll_end(animate=False, immediate=True, force=True)
-        self.vertical_scrollbar.position = self.scroll_offset.y  # also when it has just come
+        self.vertical_scrollbar.position = self.scroll_offset.y  # also if it has just appeared
 
     def render_line(self, y: int) -> Strip:
         """Return the visible line at `y`."""
@@ -396,7 +397,7 @@ class EventList(ScrollView):
 
 
 def notice_row(notice: Notice) -> WrappedRow:
-    """Return a notice as time, level sign, subject and text; the level is a word in alarms."""
+    """Return a notice as time, level sign, subject and text; an alarm has its level as a word."""
     mark = term("level", notice.level)
     word = f"{mark.word} " if notice.level == "alarm" else ""
     lead = [(f"{notice.t:%H:%M:%S} ", QUIET), (f"{mark.glyph} ", mark.style)]

@@ -1,8 +1,8 @@
 """A camera's picture of a track in half blocks, two pixels a cell, with its caption.
 
-Half blocks are what every terminal shows, what a screen's copy can hold, and what scrolls with the
-rest. Pixels of Kitty or Sixel would need a question to the terminal before the console starts,
-whose answer is read from the operator's keys.
+Every terminal shows half blocks; they can be copied with the screen and scroll with it. Kitty or
+Sixel graphics would need a query to the terminal before the console starts, and the answer would
+arrive among the operator's keys.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,17 +16,17 @@ from pa_console.schema.events.event import CameraStill
 from pa_console.tui.status_words import QUIET
 
 ReadStill = Callable[[CameraStill], bytes | None]
-"""Returns the kept file of a still, None if it is not at hand as it was."""
+"""A function that returns the stored file of a still; None if it is missing or has changed."""
 
 BESIDE = 40
-"""Cells from which on the caption stands beside the picture, not below it."""
+"""The least width of a picture with its caption beside it and not below it, cells."""
 STILL_ROWS = 7
-"""Lines of a picture with its caption beside it."""
+"""The height of a picture with its caption beside it, lines."""
 _CAPTION, _MOST_PIXELS = 16, 4_000_000
 
 
 def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
-    """Return a picture as lines that fit into `columns` and `rows`; none if it cannot be read."""
+    """Return a picture as lines within `columns` and `rows`; none if it cannot be read."""
     try:
         from PIL import Image  # noqa: PLC0415 - only where a picture is shown
 
@@ -47,7 +47,7 @@ def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
 
 
 def _cells(upper: bytes, lower: bytes) -> Iterator[tuple[str, str]]:
-    """Yield the cells of two rows of pixels, equal ones together."""
+    """Yield the cells of two rows of pixels; equal neighbours are joined."""
     pairs = (
         f"#{upper[i : i + 3].hex()} on #{lower[i : i + 3].hex()}" for i in range(0, len(upper), 3)
     )
@@ -56,7 +56,7 @@ def _cells(upper: bytes, lower: bytes) -> Iterator[tuple[str, str]]:
 
 
 class StillView(Widget):
-    """Shows a picture, and how old it is; takes no room without one."""
+    """A picture and its age; without a picture, the widget takes no room."""
 
     DEFAULT_CSS = f"""
     StillView {{ width: 100%; height: {STILL_ROWS}; }}
@@ -73,11 +73,11 @@ class StillView(Widget):
 
     @property
     def has_room(self) -> bool:
-        """True if there is a picture, so that it takes room."""
+        """True if there is a picture, which takes room."""
         return not self.has_class("-empty")
 
     def show(self, still: CameraStill | None) -> bool:
-        """Show another picture, None for none; returns whether the room it takes has changed."""
+        """Show another picture, None for none; return whether the widget's room has changed."""
         if still != self._still:
             self._still, self._drawn = still, None
             self._content = (self._read(still) if still is not None else None) or b""
@@ -87,7 +87,7 @@ class StillView(Widget):
         return self.has_room != before
 
     def tell_age(self, now_s: float) -> None:
-        """Show how old the picture is at a moment of the session's clock."""
+        """Show the age of the picture at a moment of the session's clock."""
         before, self._now_s = self._age, now_s
         if self._age != before:
             self.refresh()
@@ -99,7 +99,7 @@ class StillView(Widget):
         return f"{max(self._now_s - self._still.taken_s, 0.0):.0f} s ago"
 
     def render(self) -> Content:
-        """Return the picture and its caption, beside it where there is room."""
+        """Return the picture and its caption, which is beside the picture if there is room."""
         still, (width, height) = self._still, self.content_size
         if still is None or width < 1 or height < 3:
             return Content()

@@ -25,12 +25,15 @@ NO_MISSION = "No mission yet. Type one below, for example what should be watched
 
 
 def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
-    """Return everything known of the mission, in the order in which it happened."""
+    """Return everything known about the mission, in the order in which it happened."""
     return [shown for part in lay_out(trace, rules, _SHOWN) for shown in drawn(part)]
 
 
 def drawn(section: trace_parts.TraceSection) -> list[RowSection]:
-    """Return a section with its rows; its parts are rows of it, or follow it when it is open."""
+    """Return a section with its rows, which include those of its parts if it is folded.
+
+    The parts of an open section follow it.
+    """
     title = content(title_of(section))
     if section.collapsed:
         rows = (*_own_rows(section), *_spread(section.parts))
@@ -53,7 +56,7 @@ def _spread(given: Iterable[trace_parts.TraceSection]) -> list[WrappedRow]:
 
 
 def content(spans: Iterable[Span]) -> Content:
-    """Return a laid out text in the theme's colours."""
+    """Return laid-out text in the theme's colours."""
     return Content.assemble(*((visible(span.text), _style(span)) for span in spans))
 
 
@@ -62,7 +65,7 @@ def _style(span: Span) -> str:
 
 
 def progress(trace: MissionTrace) -> Content:
-    """Return the line that shows how far the mission is, or how it ended and why."""
+    """Return the line with the progress of the mission, or with its end and the reason."""
     words = content(trace_layout.progress(trace))
     if trace.status is not None:
         return words
@@ -74,7 +77,7 @@ def progress(trace: MissionTrace) -> Content:
 
 
 def headline(trace: MissionTrace) -> list[WrappedRow]:
-    """Return the mission's id, origin and text, and where it stands in each workflow."""
+    """Return the mission's id, origin and text, and its phase in each workflow."""
     return [row("", content(line)) for line in trace_layout.headline(trace)]
 
 
@@ -87,11 +90,11 @@ def trace_text(trace: MissionTrace, rules: Rules) -> str:
 
 
 class SectionTitle(Static, can_focus=True):
-    """A section's title."""
+    """The title of a section."""
 
 
 class SectionView(Vertical):
-    """One section; Enter or a click on its title folds it, and it stays so while it grows."""
+    """A section; Enter or a click on its title folds it, and it stays folded while it grows."""
 
     BINDINGS = [Binding("enter", "fold", "Fold", show=False)]
 
@@ -138,10 +141,10 @@ class SectionView(Vertical):
 
 
 class TracePane(Vertical):
-    """Shows the trace of the selected mission; follows its end unless scrolled away from it."""
+    """The trace of the selected mission; it follows the end unless it is scrolled away from it."""
 
     def __init__(self, rules: Rules, nothing: str = NO_MISSION, **kwargs: str) -> None:
-        """`nothing` is shown before the first mission."""
+        """Show the text `nothing` before the first mission."""
         super().__init__(id=kwargs.get("id"))
         self._rules = rules
         self._nothing = row("", (nothing, "$quiet"))
@@ -161,7 +164,7 @@ class TracePane(Vertical):
         self.query_one("#trace-body", VerticalScroll).anchor()
 
     def show(self, trace: MissionTrace | None) -> None:
-        """Show a mission's trace; the same mission again updates only what changed."""
+        """Show a mission's trace; for the same mission, update only what has changed."""
         body = self.query_one("#trace-body", VerticalScroll)
         if self._trace is None or trace is None or trace.mission.id != self._trace.mission.id:
             for view in self._views.values():
