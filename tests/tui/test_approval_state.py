@@ -11,7 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action, Plan
 from pa_console.tui.approval.inputs import REASON
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.approval.plan_rows import approval_rows, reading_rows
+from pa_console.tui.approval.plan_words import approval_rows, reading_rows
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story
 from tests.tui.scripted import Show, press, settle

@@ -12,8 +12,8 @@ from pa_console.schema.rehearsal import Motion
 from pa_console.session.recording import Player
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.approval.plan_rows import action_rows, cover_row, objection
-from pa_console.tui.approval.plan_text import PlanSchedule, schedule_lines
+from pa_console.tui.approval.plan_view import PlanSchedule, schedule_lines
+from pa_console.tui.approval.plan_words import action_rows, cover_row, objection
 from pa_console.tui.map.plan_layer import PlanLayer
 from pa_console.tui.map.scene import MapScene
 from pa_console.tui.plan_preview import LONGEST_S, STAYS_S, PlanPreview

@@ -16,7 +16,7 @@ from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.session_lines import LineOutput
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.approval.plan_rows import offered_rows
+from pa_console.tui.approval.plan_words import offered_rows
 from pa_console.tui.screens.standing_orders import StandingOrdersScreen
 from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.waiting import Waiting

@@ -3,7 +3,7 @@
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.plan import Action
-from pa_console.tui.approval.plan_rows import approval_rows
+from pa_console.tui.approval.plan_words import approval_rows
 from pa_console.tui.screens.dialogs import Confirm
 from pa_console.tui.widgets.alarms import AlarmBar
 from pa_console.tui.widgets.bars import StatusBar

@@ -19,7 +19,7 @@ from pa_console.schema.world import World
 from pa_console.session.mission_trace import Attempt, MissionTrace
 from pa_console.station.answers.alternatives import order_for
 from pa_console.tui.actions import ALT_DIGITS, READING_KEYS
-from pa_console.tui.approval.plan_rows import action_rows, cover_row
+from pa_console.tui.approval.plan_words import action_rows, cover_row
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.rows import WrappedRow, fact, row
 from pa_console.tui.status_words import BAD, GOOD, QUIET, WARN

@@ -10,7 +10,7 @@ from textual.widgets import Button
 from pa_console.schema.events.event import ApprovalRequested, DecisionMade
 from pa_console.schema.mission import Decision
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.tui.approval.plan_rows import reading_label, reading_rows
+from pa_console.tui.approval.plan_words import reading_label, reading_rows
 from pa_console.tui.surroundings import JoinedTo
 from pa_console.tui.widgets.fields import CheckBox, LineField
 from pa_console.tui.widgets.row_views import TextRows, WrappedRow

@@ -30,8 +30,8 @@ from pa_console.tui.approval.inputs import (
     not_to_sign,
     reading_of,
 )
-from pa_console.tui.approval.plan_rows import age_words, approval_rows, looked_at_rows
-from pa_console.tui.approval.plan_text import PlanText, panel_rows
+from pa_console.tui.approval.plan_view import PlanText, panel_rows
+from pa_console.tui.approval.plan_words import age_words, approval_rows, looked_at_rows
 from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.status_words import term
 from pa_console.tui.surroundings import JoinedTo, SecondsClock

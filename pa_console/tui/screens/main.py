@@ -20,7 +20,7 @@ from pa_console.session.stills import read_still
 from pa_console.tui.actions import READING_KEYS, ActionHost, first_own_key
 from pa_console.tui.approval.inputs import DECISION_KEYS
 from pa_console.tui.approval.panel import ApprovalPanel
-from pa_console.tui.approval.plan_text import PlanSchedule
+from pa_console.tui.approval.plan_view import PlanSchedule
 from pa_console.tui.kept_input import History
 from pa_console.tui.order_templates import OrderNames, example_orders
 from pa_console.tui.plan_preview import PlanPreview, Playback, waiting_plan

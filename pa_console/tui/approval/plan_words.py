@@ -1,4 +1,4 @@
-"""The rows of the approval panel: order, actions, consequences, rules, judge, confidence.
+"""The words of the approval panel: order, actions, consequences, rules, judge, confidence.
 
 A doubt about the reading comes before the consequences. The row of an action has its agent, places,
 duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`. Equal actions
