@@ -193,7 +193,7 @@ def coverage_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> str:
-    """Return a guard that an order took away from `gate` between the samples; '' if there is none."""
+    """Return a guard that an order took away from `gate` between the samples; '' if none."""
     leading_away = {
         order.command_id for order in recording.orders if recording.goal(order) not in {"", gate}
     }

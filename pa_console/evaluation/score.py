@@ -292,7 +292,7 @@ def score_run(
 
 
 def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:
-    """Return the score of `case` without orders; raises ValueError if the set-up is not possible."""
+    """Return the score of `case` without orders; raises ValueError for an impossible set-up."""
     sim = begin(case, world, seed)
     recorder = RunRecorder(sim, case.command)
     if not is_decided(case, recorder.recording):

@@ -198,7 +198,7 @@ class Sweep:
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Use the `fingerprints` of the models by name; `told` and `again_s` are as in DaskSweep."""
+        """Use the models' `fingerprints` by name; `told` and `again_s` are as in DaskSweep."""
         self._told, self._again_s = told, again_s
         self._results, self._engine_for = results, engine_for
         self._fingerprints, self._keep_logs = fingerprints, keep_logs
