@@ -1,4 +1,4 @@
-"""The session of a console: the model is found while what it needs is imported."""
+"""The session of a console, whose model is located while its modules are imported."""
 
 from asyncio import Runner
 from collections.abc import Generator
@@ -32,10 +32,10 @@ def open_console(
     plain: bool,
     joined: "JoinedSession | None" = None,
 ) -> None:
-    """Open a session of this station's own behind `frame`, and run its console.
+    """Open a session of this station behind `frame`, and run its console.
 
-    Where a session was `joined`, command is taken from it. Raises typer.Exit for a session that was
-    ended from outside or failed.
+    If a session was `joined`, command of it is taken. Raises typer.Exit if a signal ended the
+    session, or if it failed.
     """
     values = settings.values
     with Runner() as loop, ExitStack() as observes:
@@ -88,7 +88,7 @@ def open_console(
 
 @contextmanager
 def _stopped_when_left() -> Generator[Progress]:
-    """Yield a progress callback that stops the preparing of weights once this is left."""
+    """Yield a progress callback that stops the preparation of weights once the block has ended."""
     left = Event()
 
     def going_on(_done: int, _total: int, _text: str) -> None:

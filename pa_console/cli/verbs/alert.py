@@ -1,4 +1,4 @@
-"""`pa-console alert`: sends a test alert to everybody who would be alerted."""
+"""`pa-console alert`: a test alert to all people who would be alerted."""
 
 import typer
 

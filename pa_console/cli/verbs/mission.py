@@ -13,7 +13,7 @@ from pa_console.cli.settings_defaults import OBSERVED, settings_of
 
 
 class Approve(StrEnum):
-    """The decider about the plan."""
+    """The ways in which a plan is approved."""
 
     ask = "ask"
     auto = "auto"

@@ -1,4 +1,4 @@
-"""`pa-console tak`: a shared or a recorded session on the map of a TAK server."""
+"""`pa-console tak`: a shared or recorded session on the map of a TAK server."""
 
 import typer
 
