@@ -66,7 +66,7 @@ def _default(
         raise typer.Exit
     if json:
         raise ValueError("--json goes with --version, or after a verb")
-    from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - no version needs settings
+    from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - not needed for --version
 
     set_defaults(context, assignments or ())
     if context.invoked_subcommand is None:
@@ -122,7 +122,7 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
 
 def _explain(error: Exception) -> int:
     """Report an error in the input or an internal error; return the exit code."""
-    from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only when it failed
+    from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only after a failure
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
 
     match error:

@@ -36,7 +36,7 @@ from pa_console.sim.truth import TrueContact
 STANDOFF_TOLERANCE_M = 0.5
 PERIMETER_TOLERANCE_M = 2.0
 ZONE_TOLERANCE_M = 0.5
-"""The depths up to which a crossed limit is not a breach, in metres."""
+"""The tolerances of the standoff, the perimeter and the zones, in metres."""
 _CHORD_M = 1.0
 """The largest deviation of a straight line between two samples from the actual path, in metres."""
 REACTION_S = 3.0

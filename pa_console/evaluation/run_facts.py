@@ -89,7 +89,7 @@ class RunRecording:
         return self.samples[-1]
 
     def at(self, time_s: float) -> Sample:
-        """Return the latest sample that is not after `time_s`; by default, the first one."""
+        """Return the latest sample that is not after `time_s`, or the first one if all are."""
         return next((s for s in reversed(self.samples) if s.time_s <= time_s + 1e-6), self.start)
 
     def steps(self) -> Iterator[tuple[Sample, Sample]]:

@@ -227,7 +227,7 @@ def load_authority() -> "StationAuthority | None":
     """
     if not (site_keys() / SITE_OWNER).exists():
         return None
-    from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys only
+    from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
     from pa_console.fleets.station_authority import StationAuthority  # noqa: PLC0415
 
     folder = KeyFolder(ask=ask_passphrase)

@@ -57,7 +57,7 @@ def observing(
             also, sources = list[Observer](), list[Outside]()
             if settings.tak:
                 with naming_what_is_missing("tak", "TAK maps need"):
-                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
+                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - only if used
                 shown = stack.enter_context(
                     on_map(settings, options.world, problems.append, report_change)
                 )

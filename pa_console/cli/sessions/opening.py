@@ -49,7 +49,7 @@ def open_console(
                 chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
             )
             found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
-            from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - imported meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
             beside = observes.enter_context(observing(values, options))
@@ -69,7 +69,7 @@ def open_console(
                 require_keys("use 'pa-console mission' in scripts, or --plain")
             observer = beside.observer
             if options.agents:
-                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - only if used
 
                 observer = observes.enter_context(admit_agents(opened, observer))
             prepared = run(opened, settings, observer)

@@ -65,7 +65,7 @@ def _run_console(
     site: Site, recording: Recording, settings: LoadedSettings, opening: "Opening | None" = None
 ) -> None:
     """Show the recording on the console until the operator leaves; `opening` opens more screens."""
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only if it is shown
 
     require_keys("use --verify or --compare in scripts")
     app = ConsoleApp(
@@ -291,7 +291,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 
 def show_compared(first: Path, second: Path, world: str | None, settings: LoadedSettings) -> None:
     """Show the first log on the console, with the comparison of both logs on top."""
-    from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
+    from pa_console.tui.app import comparison  # noqa: PLC0415 - only if it is shown
     from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
 
     recording = read_recording(first)

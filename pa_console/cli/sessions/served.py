@@ -44,7 +44,7 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
             tokens = token_book(opened.authority.trust if opened.authority else None)
             writer, observer = opened.open_log(), beside.observer
             if options.agents:
-                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - only if used
 
                 observer = observes.enter_context(admit_agents(opened, observer))
         except BaseException:

@@ -17,7 +17,7 @@ def token_book(trust: Trust | None = None) -> TokenBook:
     `trust` is by default that of the site on this machine, if there is one.
     """
     if trust is None and (site_keys() / SITE_OWNER).exists():
-        from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys
+        from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
 
         trust = KeyFolder().trust()
     return TokenBook(key_path().with_name(TOKENS_FILE), _role_of(trust) if trust else None)
@@ -35,7 +35,7 @@ def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
 
 
 def show(*, json: bool = False) -> None:
-    """Print the list of tokens, without the tokens themselves, of which only hashes are stored."""
+    """Print the id, person and role of each token; only hashes of tokens are stored."""
     book = token_book()
     rows = book.listed()
     if json:
@@ -57,7 +57,7 @@ def revoke(name: str, *, json: bool = False) -> None:
 
 
 def offer_token(tokens: TokenBook, lasting: str) -> None:
-    """If there are no tokens, print one for this machine's user, which is not stored.
+    """Print a token for this machine's user, which is not stored, unless there are tokens already.
 
     `lasting` is its validity in words.
     """

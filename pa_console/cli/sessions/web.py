@@ -1,6 +1,6 @@
 """The console in a browser: `textual-serve` with tokens, on loopback, for one browser at a time.
 
-The console of a browser has its own session, so only one browser can be open. A second browser has
+Each console in a browser has its own session, so there is only one at a time. A second browser has
 to wait, but an operator replaces an observer.
 """
 

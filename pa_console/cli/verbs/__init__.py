@@ -105,7 +105,7 @@ EXAMPLES = {
 @cache
 def load_verb(name: str) -> Any:
     """Return the command of a verb, with an example at the end of its help."""
-    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
+    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - not needed for the list
 
     module = import_module(f"pa_console.cli.verbs.{MODULES.get(name, name)}")
     verb = getattr(module, "app", None) or getattr(module, name)

@@ -267,7 +267,7 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
         yield
         return
     from pa_console.fleets.vda5050.additions import SIGNED, TRUST, SignedMessage  # noqa: PLC0415
-    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - with a bus only
+    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - only with a bus
     from pa_console.fleets.vda5050.sharing import signed_messages  # noqa: PLC0415
     from pa_console.fleets.vda5050.station_link import StationLink, take_retained  # noqa: PLC0415
     from pa_console.fleets.vda5050.wire import Numbers  # noqa: PLC0415

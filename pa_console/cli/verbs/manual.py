@@ -53,7 +53,7 @@ def _show(page: Page, plain: bool, json: bool) -> None:
     elif plain or not out.is_terminal:
         print_document(page.text)
     else:
-        from rich.markdown import Markdown  # noqa: PLC0415 - only for a person
+        from rich.markdown import Markdown  # noqa: PLC0415 - only on a terminal
 
         os.environ.setdefault("LESS", COLOURED)
         with out.pager(styles=True):

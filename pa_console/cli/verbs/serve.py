@@ -52,7 +52,7 @@ def serve(
     json: JsonOption = False,
 ) -> None:
     """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
-    from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - not needed for help
 
     if make_token is not None:
         token_verbs.make(make_token, person, json=json)
@@ -110,7 +110,7 @@ def _whole(name: str, value: Any) -> Any:
     if isinstance(value, Path):
         return value.expanduser().absolute()
     if name == "witness" and value:
-        from pa_console.cli.sessions.log import witness_target  # noqa: PLC0415 - no help waits for it
+        from pa_console.cli.sessions.log import witness_target  # noqa: PLC0415 - not needed for help
 
         return witness_target(value)
     if name in IN_FILES and value:

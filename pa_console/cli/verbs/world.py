@@ -73,7 +73,7 @@ def from_robots(
 ) -> None:
     """Write a world with the robots that are on these links, and their map as its background."""
     from pa_console.fleets import newcomers  # noqa: PLC0415
-    from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - with robots only
+    from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - only with robots
     from pa_console.sim.worlds.occupancy_map import read_occupancy_map  # noqa: PLC0415
 
     _refuse_existing(output, force=force)
@@ -130,7 +130,7 @@ def check(
     ],
 ) -> None:
     """Check a world file; errors name line and field."""
-    from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios do without pymunk
+    from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios need no pymunk
 
     loaded, path = open_world(world)
     with errors.status("placing the assets"):

@@ -292,7 +292,7 @@ class Flight(ReportingVehicle):
                 self._climb(order, step, now)
 
     def _fenced_off(self, order: FlightOrder) -> bool:
-        """Return whether a changed geofence prevents the order; a flight home is not prevented."""
+        """Return whether a changed geofence prevents the order, but never a return in flight."""
         takes_off = any(isinstance(step, Climb) for step in order.steps)
         return self.fence.differs and (takes_off or order.command.verb != "return_to_base")
 

@@ -54,8 +54,8 @@ class Localization:
     def _chain(self) -> tuple[Planar, float] | None:
         """Return the robot's pose on the map and its time; None while a transform is missing.
 
-        The time is that of the first transform from the robot that is not fixed. The transform of
-        the map itself is not used, because localization stamps it with a time in the future.
+        The time is that of the first transform from the robot that is not fixed. It is not that of
+        the map's transform, because localization stamps that with a time in the future.
         """
         pose, stamp, frame = Planar(0.0, 0.0, 0.0), 0.0, self._base
         for _ in range(len(self._parents)):

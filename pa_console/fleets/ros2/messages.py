@@ -50,7 +50,7 @@ class Planar(NamedTuple):
     yaw: float
 
     def then(self, inner: "Planar") -> "Planar":
-        """Return `inner`, which is relative to this pose, in the frame of this pose itself."""
+        """Return `inner`, a pose relative to this one, in the frame in which this one is given."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         return Planar(
             self.x + cosine * inner.x - sine * inner.y,

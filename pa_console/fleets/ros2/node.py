@@ -43,10 +43,10 @@ CALL_S = 3.0
 """The longest wait for the answer of a service, in seconds."""
 
 CANCEL_S = 1.0
-"""The time after which an unanswered request to cancel is reported as such, in seconds."""
+"""The time after which an unanswered request to cancel all goals is repeated, in seconds."""
 
 LATE_S = 10.0
-"""The time for which a late answer to a request to cancel is still accepted, in seconds."""
+"""The time for which a late answer to a repeated request is still accepted, in seconds."""
 
 RESULT_S = 10.0
 """The time after which a result is requested again, in seconds; the robot may have restarted."""

@@ -57,7 +57,7 @@ def doctor(
 
 
 def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
-    """Look at one thing after the other, when it is asked for; `tell` names what takes long."""
+    """Yield the checks one by one; `tell` gets a line before each slow check."""
     yield machine.check_python()
     yield from machine.check_build_tools()
     yield from machine.check_libraries()
