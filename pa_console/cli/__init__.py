@@ -1,4 +1,4 @@
-"""The command line: the same verbs as the console, without its screen."""
+"""The command line of the console."""
 
 from pa_console.cli.main import main
 

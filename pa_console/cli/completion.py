@@ -1,8 +1,8 @@
-"""Completions of the shell: names of worlds, rule files, sessions and models, words of a mission.
+"""The shell completions: names of worlds, rule files, sessions and models, and words of a mission.
 
-Each function takes what stands on the line so far and returns whole words that begin so. A shell
-waits for it, so only what has the names is read. A broken file or folder offers nothing: the verb
-itself reports what is wrong with it.
+Each function receives the incomplete word and returns the complete words that begin with it. The
+shell waits for the result, so only the files with the names are read. An invalid file or folder
+gives no completions; the verb itself reports the problem.
 """
 
 from collections.abc import Iterable, Sequence
@@ -40,7 +40,7 @@ def mission_sets(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def words_of_mission(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the mission so far, its last word completed to an asset or a place of the world."""
+    """Return the mission so far, with the last word completed to an asset or a frame."""
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
     from pa_console.sim.worlds.world_file import load_world  # noqa: PLC0415
 
@@ -67,7 +67,7 @@ def models(incomplete: str) -> list[str]:
 
 
 def sessions(incomplete: str) -> list[str]:
-    """Return `last` and the ids of the recorded sessions, the newest first."""
+    """Return the completions from `last` and the ids of the recorded sessions, the newest first."""
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
     from pa_console.session.log.writer import default_folder  # noqa: PLC0415
     from pa_console.session.past_sessions import newest_logs  # noqa: PLC0415

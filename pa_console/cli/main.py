@@ -1,4 +1,4 @@
-"""Wires the verbs together and turns every failure into one clear line and an exit code."""
+"""The program `pa-console`, which reports each failure of a verb in one line with an exit code."""
 
 import contextlib
 import errno
@@ -18,16 +18,18 @@ from pa_console.terminal.output import BAD_INPUT, FAILED, errors, open_closed_st
 
 INTERRUPTED = 130
 COLLECTED_AFTER = (20_000, 10, 5)
-"""The number of allocations before garbage is collected. With Python's own 700, a tenth of the
-start goes into looking through recent imports; a console that runs for days must still get rid of
-screens that are closed."""
+"""The thresholds of garbage collection.
+
+With Python's default of 700 allocations, a tenth of the start is spent on recent imports. A console
+that runs for days still needs collections, to remove closed screens.
+"""
 
 REMEDIES = {
     errno.ENOSPC: "; free some space on that disk",
     errno.EDQUOT: "; free some space on that disk",
     errno.EROFS: "; let XDG_STATE_HOME and XDG_CONFIG_HOME name folders that can be written to",
 }
-"""The way out of a fault of the file system, where there is one that all commands share."""
+"""The remedies for errors of the file system that are the same in all commands."""
 
 app = typer.Typer(
     name="pa-console",
@@ -64,7 +66,7 @@ def _default(
         raise typer.Exit
     if json:
         raise ValueError("--json goes with --version, or after a verb")
-    from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - no version needs settings
+    from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - not needed for --version
 
     set_defaults(context, assignments or ())
     if context.invoked_subcommand is None:
@@ -74,7 +76,7 @@ def _default(
 
 
 def _print_version(json: bool) -> None:
-    """Print the program's version; as `json` with what a bug report is asked for."""
+    """Print the program's version, with `json` also the versions for a bug report."""
     if not json:
         typer.echo(f"pa-console {__version__}")
         return
@@ -100,7 +102,7 @@ def main() -> None:
 
 
 def run(commands: typer.Typer, name: str) -> NoReturn:
-    """Run `commands` as the program `name` and exit; never lets a traceback reach the user."""
+    """Run `commands` as the program `name` and exit; the user never sees a traceback."""
     gc.set_threshold(*COLLECTED_AFTER)
     open_closed_streams()
     keep_search_path()
@@ -119,8 +121,8 @@ def run(commands: typer.Typer, name: str) -> NoReturn:
 
 
 def _explain(error: Exception) -> int:
-    """Report the mistake in the input, or the program's own fault."""
-    from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only when it failed
+    """Report an error in the input or an internal error; return the exit code."""
+    from pa_console.llm.backend import EngineError, ModelError  # noqa: PLC0415 - only after a failure
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
 
     match error:
@@ -139,9 +141,9 @@ def _explain(error: Exception) -> int:
 
 
 def _misused(error: typer.TyperException) -> int:
-    """Report the mistake in the words of the command line, and the command with the help.
+    """Report an error in the command line, and the command that shows help; return the exit code.
 
-    A group of commands that is named without any shows its help.
+    A group without a command shows its help instead.
     """
     context: typer.Context | None = getattr(error, "ctx", None)
     message = error.format_message()
@@ -160,7 +162,7 @@ def _fail(text: str, code: int) -> int:
 
 
 def _keep_traceback(error: Exception) -> str:
-    """Write the traceback of `error` to a file for a bug report and report its place."""
+    """Write the traceback of `error` to a file for a bug report; return the place in words."""
     with contextlib.suppress(OSError):
         handle, path = tempfile.mkstemp(prefix="pa-console-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8") as file:

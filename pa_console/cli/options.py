@@ -1,4 +1,4 @@
-"""Options that several verbs share, those of a session as one value, and their help."""
+"""The options that several verbs share, with their help; the options of a session are one value."""
 
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -117,7 +117,7 @@ SchedulerOption = Annotated[
 
 
 def one_of(**given: bool) -> None:
-    """Raise ValueError where more than one of these options was given."""
+    """Raise ValueError if more than one of these options was given."""
     if sum(given.values()) > 1:
         names = [f"--{name}" for name in given]
         raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
@@ -125,7 +125,7 @@ def one_of(**given: bool) -> None:
 
 @contextmanager
 def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
-    """Raise ValueError with the `extra` to install when an import in the block fails."""
+    """Raise ValueError with the `extra` to install if an import in the block fails."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -135,9 +135,9 @@ def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[No
 
 
 def dask_workers(where: int | str) -> "Workers":
-    """Return that many processes of this machine, or the workers of the scheduler at that address.
+    """Return the workers for a number of local processes, or for the address of a scheduler.
 
-    Raises ValueError without Dask.
+    Raises ValueError if Dask is not installed.
     """
     try:
         from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
@@ -148,7 +148,7 @@ def dask_workers(where: int | str) -> "Workers":
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """The options of every verb that opens a session; verbs with more of them extend it."""
+    """The options of every verb that opens a session; subclasses add options of a verb."""
 
     world: WorldOption = "checkpoint"
     rules: RulesOption = "checkpoint"
@@ -161,7 +161,7 @@ class SessionOptions:
         bool | None,
         typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves."),
     ] = True
-    """None for only where a scenario is played."""
+    """None means that alarms become missions only in a scenario."""
     witness: Annotated[
         str,
         typer.Option(
@@ -216,22 +216,22 @@ class SessionOptions:
         ),
     ] = False
     alert: list[str] | None = None
-    """The addresses for alerts; those of `alert_later` only get reminders."""
+    """The addresses for alerts; addresses in `alert_later` get only reminders."""
     alert_later: list[str] | None = None
     agents: int = 0
-    """The port at which agents are let in; 0 for none."""
+    """The port for agents; 0 for none."""
     readonly: bool = False
     resume: bool | None = False
     """True to continue a session that was not closed; None to ask the operator."""
     log: Path | None = None
-    """The file of the log; a new one in the folder of logs otherwise."""
+    """The file of the log; by default, a new file in the folder of logs."""
     stepped: bool = False
-    """True for a script: the simulation waits for the mission, and no question is asked before."""
+    """True for a script: the simulation waits for the mission, and no questions are asked first."""
 
 
 @dataclass(frozen=True)
 class AttendedOptions(SessionOptions):
-    """The options of a session that people attend: whom it alerts, and where agents are let in."""
+    """The options of a session with an operator, which can alert people and admit agents."""
 
     alert: AlertOption = None
     alert_later: AlertLaterOption = None
@@ -248,7 +248,7 @@ class AttendedOptions(SessionOptions):
 
 @dataclass(frozen=True)
 class FollowOptions:
-    """The options of a map that follows a session: the server, and one of `join` and `replay`."""
+    """The options of a map that follows a session; either `join` or `replay` is given."""
 
     server: Annotated[
         str,
@@ -296,9 +296,10 @@ class FollowOptions:
 
 
 def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `verb` with an option for each `Annotated` field of the dataclasses it takes.
+    """Return `verb` with an option for each `Annotated` field of its dataclass parameters.
 
-    Typer knows options one by one; the verb is called with whole values.
+    Typer supports only single options. The result collects them, and calls `verb` with instances of
+    the dataclasses.
     """
     hints = get_type_hints(verb, include_extras=True)
     groups = {name: _field_options(kind) for name, kind in hints.items() if is_dataclass(kind)}

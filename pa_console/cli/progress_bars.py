@@ -1,4 +1,4 @@
-"""Progress bars that live as long as their `with` block."""
+"""Progress bars that are shown until the end of a `with` block."""
 
 import sys
 from types import TracebackType
@@ -35,13 +35,14 @@ class LiveBar:
 
 
 class TransientBar(LiveBar):
-    """A bar on a terminal only, gone once it has stopped; it counts things, or `of_bytes`.
+    """A progress bar that is shown only on a terminal, and removed at the end.
 
-    It keeps to the stderr that it began with, even if that is captured later.
+    It counts items or, with `of_bytes`, bytes. It writes to the stderr of its start, even if stderr
+    is captured later.
     """
 
     def __init__(self, what: str, total: int | None = None, *, of_bytes: bool = False) -> None:
-        """Show `what` is being done, up to `total`, if that is known yet."""
+        """Show `what` as the description; `total` is None if it is not known yet."""
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24),
@@ -57,9 +58,9 @@ class TransientBar(LiveBar):
         self._task = self._progress.add_task(what, total=total)
 
     def show(self, done: int, total: int) -> None:
-        """Show that `done` of `total` are done."""
+        """Set the progress to `done` of `total`."""
         self._progress.update(self._task, completed=done, total=total)
 
     def advance(self, count: int = 1) -> None:
-        """Count that many more."""
+        """Add `count` to the progress."""
         self._progress.advance(self._task, count)

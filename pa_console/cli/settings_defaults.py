@@ -1,4 +1,4 @@
-"""Brings the user's settings to the verbs: as defaults of their options, and as a whole."""
+"""The user's settings for verbs, as defaults of their options and as a complete object."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -8,13 +8,13 @@ import typer
 from pa_console.settings.sources import LoadedSettings, load_settings
 
 WITHOUT = ("settings", "doctor")
-"""Verbs that must work with a settings file that cannot be used: they mend it."""
+"""The verbs that must work with an invalid settings file, because they repair it."""
 OBSERVED = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
-"""The options of a session that are settings of what observes it."""
+"""The options of a session for its observers."""
 
 
 def read_assignments(words: Sequence[str]) -> dict[str, object]:
-    """Return what `--set NAME=VALUE` gives; raises ValueError for a word without `=`."""
+    """Return the values of `--set NAME=VALUE`; raises ValueError for a word without `=`."""
     given: dict[str, object] = {}
     for word in words:
         name, sign, value = word.partition("=")
@@ -28,9 +28,9 @@ def read_assignments(words: Sequence[str]) -> dict[str, object]:
 
 
 def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
-    """Make the settings the defaults of every verb below `context`, with `--set` before them.
+    """Make the settings the defaults of every verb below `context`; `--set` overrides the file.
 
-    Raises DocumentError for settings that are wrong.
+    Raises DocumentError if a setting is not valid.
     """
     given = read_assignments(words)
     if context.invoked_subcommand not in WITHOUT:
@@ -41,12 +41,12 @@ def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
 
 
 def given_words(context: typer.Context) -> list[str]:
-    """Return what `--set` gives, as it was typed."""
+    """Return the words of `--set` as they were typed."""
     return list(context.find_root().params.get("assignments") or ())
 
 
 def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
-    """Return the settings, with the options `names` that were given on the verb's command line."""
+    """Return the settings, with the values of those options `names` that were typed."""
     typed = {
         name: context.params[name]
         for name in names
@@ -57,7 +57,7 @@ def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
 
 
 def _defaults(loaded: LoadedSettings) -> dict[str, Any]:
-    """Return the settings as defaults of the verbs that open a world, by verb and parameter."""
+    """Return the settings in the form of default values, by verb and parameter."""
     values = loaded.values
     session = {
         "world": values.world,

@@ -1,1 +1,1 @@
-"""Mission sets, benchmarks and their tables; what changed rules would change."""
+"""Mission sets, benchmarks and their tables, and the effects of changed rules."""

@@ -1,7 +1,7 @@
-"""Decisions that change under other rules, and those of a mission set.
+"""Decisions that change under other rules, and the comparison of two rule sets on a mission.
 
-A mission set has no recorded plans: each mission's situation is simulated without a model, and
-single orders that are possible in it are rehearsed once and checked by both rule sets.
+A mission set has no recorded plans. Therefore, the situation of each mission is simulated without a
+model. Single orders that are possible in it are rehearsed once and checked by both rule sets.
 """
 
 import asyncio
@@ -40,12 +40,12 @@ class ChangedDecision:
     """A decision that changes under other rules; `rules` are the rules that change it.
 
     finding   the result of one rule's check or orderings for a plan
-    plan      approval of a plan: allowed or blocked
-    decision  whether the operator's decision was admissible, as it was made
-    intake    whether the mission is refused before any model is asked
-    halt      whether a running plan is halted for an ordering
+    plan      the approval of a plan: blocked or not
+    decision  the operator's decision: accepted or refused
+    intake    the intake of a mission, before any model runs: taken or refused
+    halt      a running plan: halted for an ordering or not
 
-    `plan` are the orders in words, empty at intake.
+    `plan` is the orders in words, or '' at intake.
     """
 
     kind: FlipKind
@@ -60,9 +60,9 @@ class ChangedDecision:
 
 @dataclass(frozen=True)
 class Gap:
-    """A decision that cannot be made again from the log, and why; attempt 0 is the intake.
+    """A decision that cannot be repeated from the log, with the reason.
 
-    `rule` is empty when it holds for every rule.
+    Attempt 0 is the intake. `rule` is '' if the reason applies to all rules.
     """
 
     mission: str
@@ -84,7 +84,7 @@ class SessionEffect:
 
 
 def by_rule(findings: Iterable[Finding]) -> dict[str, Finding]:
-    """Return `findings` by their rules' ids."""
+    """Return `findings` by the ids of their rules."""
     return {finding.rule_id: finding for finding in findings}
 
 
@@ -102,24 +102,24 @@ def differ(first: Finding | None, second: Finding | None) -> bool:
 
 
 def status_in_words(finding: Finding | None) -> str:
-    """Return a finding's status in words, with the priority of a broken rule."""
+    """Return the status of a finding in words, with the priority if the rule is broken."""
     if finding is None:
         return NONE
     return f"{finding.status} ({finding.priority})" if finding.broken else finding.status
 
 
 def in_words(findings: Iterable[Finding]) -> str:
-    """Return findings with their rules and messages."""
+    """Return the rules and messages of findings as one text."""
     return "; ".join(f"{finding.rule_id}: {finding.message}" for finding in findings)
 
 
 def orders_of(plan: Plan) -> str:
-    """Return a plan's orders in words."""
+    """Return the orders of a plan in words."""
     return ", ".join(f"{a.agent} {a.command}" for a in plan.actions) or "no orders"
 
 
 def intake_flips(mission: str, was: list[Finding], now: list[Finding]) -> list[ChangedDecision]:
-    """Return the change of a mission's intake, by the findings that block it, if there is one."""
+    """Return the change of a mission's intake, if any; `was` and `now` are blocking findings."""
     if bool(was) == bool(now):
         return []
     states = ("refused", "taken") if was else ("taken", "refused")
@@ -135,9 +135,9 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
     now: Findings,
     doubtful: Collection[str] = (),
 ) -> list[ChangedDecision]:
-    """Return the rules whose findings change, then the plan if its approval changes.
+    """Return the changed finding of each rule, then the change of the approval, if any.
 
-    Rules in `doubtful` are left out. With any of them the plan as a whole is not compared.
+    Rules in `doubtful` are left out. If there are any, the approval is not compared.
     """
     old, new = by_rule(was), by_rule(now)
     flips: list[ChangedDecision] = []
@@ -164,7 +164,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 
 
 def rules_turned(flips: Iterable[ChangedDecision]) -> Iterator[tuple[str, int]]:
-    """Yield each rule that changes decisions with their number, largest number first."""
+    """Yield each rule that changes decisions with the number of them, the largest first."""
     counts = Counter(rule for flip in flips for rule in flip.rules)
     yield from sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
@@ -184,9 +184,9 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
     seed: int,
     tried: Callable[[], None] = lambda: None,
 ) -> SessionEffect:
-    """Return the changed decisions of one mission: its intake and `plans` single orders.
+    """Return the changed decisions of one mission: its intake, and at most `plans` single orders.
 
-    `seed` draws the orders; `tried` is called after each plan. Raises ValueError for a set-up that
+    `seed` selects the orders. `tried` is called after each plan. Raises ValueError if the set-up
     cannot be simulated.
     """
     effect = SessionEffect(missions=1)
@@ -217,7 +217,7 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
 
 
 def _begin(sim: Checkpoint, case: MissionCase) -> Sightings:
-    """Simulate the mission's set-up as an evaluation does; return the sightings."""
+    """Simulate the mission's set-up in the same way as an evaluation; return the sightings."""
     seen = Sightings(sim.world)
     seen.look(sim.picture())
     for incident in case.setup:
@@ -229,7 +229,7 @@ def _begin(sim: Checkpoint, case: MissionCase) -> Sightings:
 
 
 def _plans(world: World, most: int, seed: int) -> list[Plan]:
-    """Return the plan without orders, and at most `most` others of one order each."""
+    """Return the plan without orders, and at most `most` plans of one order each."""
     orders = [
         Action(agent=agent, command=f"{verb} {frame}" if spec.takes_frame else verb)
         for agent, asset in world.assets.items()

@@ -1,7 +1,7 @@
 """Tasks on the workers of a Dask scheduler; the module is imported only for a sweep.
 
-The key of a task is unique, so a task that is submitted twice runs once. The task of a worker that
-dies moves to another worker. A scheduler that restarts is sent the tasks that it has forgotten.
+A task that is submitted twice runs once, because its key is unique. If a worker dies, its task
+moves to another worker. If the scheduler restarts, the unfinished tasks are submitted again.
 """
 
 import asyncio
@@ -22,13 +22,13 @@ from distributed.scheduler import KilledWorker
 from pa_console.child_processes import isolated_workers
 
 AWAY_S = 600.0
-"""The longest wait for an unreachable scheduler, seconds."""
+"""The longest wait for an unreachable scheduler, in seconds."""
 AGAIN_S = 2.0
-"""Seconds between two attempts to reach it."""
+"""The time between two attempts to reach the scheduler, in seconds."""
 
 
 class SweepError(ValueError):
-    """A sweep that cannot continue; its results are kept, and the same command resumes it."""
+    """Raised if a sweep cannot continue; its results are kept, and the same command resumes it."""
 
 
 class KeyedTask(Protocol):
@@ -45,15 +45,15 @@ MadeT = TypeVar("MadeT")
 
 
 class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
-    """Runs tasks on a worker, one at a time; it is sent there once, with its dependencies."""
+    """The plugin that runs tasks on a worker; each worker receives it once, with dependencies."""
 
     name: str
-    """The name of this kind of work on a scheduler."""
+    """The name of the plugin on the scheduler."""
     own_process = False
-    """True if the worker is a process of this program, which then handles Ctrl-C."""
+    """True if the worker is a process of this program, which handles Ctrl-C in its place."""
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
-        """Start on a worker."""
+        """Prepare a worker."""
         if self.own_process:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
         self.turn = Lock()
@@ -62,36 +62,36 @@ class TaskMaker(WorkerPlugin, ABC, Generic[TaskT, MadeT]):
         self.begin()
 
     def teardown(self, worker: object) -> None:  # noqa: ARG002
-        """End on a worker."""
+        """Release a worker."""
         self.end()
         self._temporary.cleanup()
 
     def begin(self) -> None:
-        """Prepare, once per worker; `folder` is for its files."""
+        """Prepare the work, once on each worker; files go into `folder`."""
 
     def end(self) -> None:
         """Release what `begin` prepared."""
 
     @abstractmethod
     def make(self, task: TaskT) -> MadeT:
-        """Return the result of `task`; called by threads of the worker."""
+        """Return the result of `task`; called on threads of the worker."""
 
 
 def make_remotely(maker: str, task: KeyedTask) -> object:
-    """Run `task` on the present worker with the maker of that name."""
+    """Run `task` on the current worker with the plugin called `maker`; return the result."""
     return cast(Any, get_worker()).plugins[maker].make(task)
 
 
 @dataclass(frozen=True)
 class Workers:
-    """The workers of the scheduler at the address `scheduler`, or `count` processes here."""
+    """The workers of the scheduler at the address `scheduler`, or `count` local processes."""
 
     scheduler: str = ""
     count: int = 0
 
 
 class DaskSweep(Generic[TaskT, MadeT]):
-    """Runs the `missing` tasks on Dask's workers, with a `maker` that is sent to them."""
+    """A sweep that runs the `missing` tasks on Dask's workers with the plugin `maker`."""
 
     def __init__(
         self,
@@ -101,16 +101,16 @@ class DaskSweep(Generic[TaskT, MadeT]):
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Send progress lines to `told`; retry a lost scheduler every `again_s` seconds."""
+        """Pass progress lines to `told`; try a lost scheduler again every `again_s` seconds."""
         self._maker, self._missing, self._told, self._again_s = maker, missing, told, again_s
         self._reached = False
-        """True once a scheduler was reached; if it is lost, the sweep waits for it."""
+        """True once the scheduler was reached; from then on, the sweep waits for a lost one."""
 
     async def run_on(self, target: Any) -> AsyncGenerator[MadeT]:
         """Yield each result as it arrives from the workers of `target`, an address or a cluster.
 
-        The caller keeps a result before it requests the next. Raises SweepError without a
-        scheduler, or if a task ends every worker that runs it.
+        The caller must store a result before it requests the next one. Raises SweepError if there
+        is no scheduler, or if a task ends every worker that runs it.
         """
         clock = asyncio.get_running_loop().time
         last = clock()
@@ -129,7 +129,7 @@ class DaskSweep(Generic[TaskT, MadeT]):
                 await asyncio.sleep(self._again_s)
 
     async def _round(self, target: Any, tasks: Sequence[TaskT]) -> AsyncGenerator[MadeT]:
-        """Submit `tasks` and yield results until all are complete or the scheduler is lost."""
+        """Submit `tasks`, and yield results until all are complete or the scheduler is lost."""
         connecting: Any = Client(target, asynchronous=True, timeout=AGAIN_S)
         async with connecting as client:
             self._reached = True
@@ -141,7 +141,7 @@ class DaskSweep(Generic[TaskT, MadeT]):
             async for future in completed:
                 if future.status == "error":
                     raise _failed(await future.exception())
-                if future.status != "finished":  # the scheduler forgot it
+                if future.status != "finished":  # lost in a restart of the scheduler
                     continue
                 yield cast(MadeT, await future.result())
                 future.release()
@@ -155,7 +155,7 @@ def _failed(error: BaseException) -> BaseException:
 
 @asynccontextmanager
 async def cluster(workers: Workers) -> AsyncGenerator[Any]:
-    """Yield the target for a client; processes of this machine end on exit."""
+    """Yield the target for a client; local worker processes end on exit."""
     if workers.scheduler:
         yield workers.scheduler
         return

@@ -1,4 +1,4 @@
-"""The jobs of an evaluation: missions x models x variants x seeds, each with its world."""
+"""The jobs of an evaluation, which are missions x models x variants x seeds, and their worlds."""
 
 import re
 from collections import Counter
@@ -21,7 +21,7 @@ from pa_console.station.assembly import Site
 
 MISSION_SETS = Path("missions")
 REFERENCE = "one-plan"
-"""The reference of the ablations: the whole pipeline with one plan a mission."""
+"""The reference of the ablations, which is the complete pipeline with one plan per mission."""
 
 
 class _VariantEntry(StrictModel):
@@ -47,16 +47,16 @@ VARIANTS = {
 
 
 def load_missions(path: Path, world: World) -> MissionSet:
-    """Read the missions at `path` for `world`; raises DocumentError with file, line and field."""
+    """Return the missions at `path` for `world`; raises DocumentError with file, line and field."""
     return load_with_worlds(path, world)[0]
 
 
 def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, World]]:
-    """Read the missions at `path` for `world`, with every world that they name; "" is `world`.
+    """Return the missions at `path`, and the worlds that they name; the world "" is `world`.
 
-    Raises DocumentError with file, line and field.
-    Ids must be unique, the set-up may only name assets, frames and gates of the mission's own
-    world, and its success conditions only what a run in that world can have.
+    Raises DocumentError with file, line and field. Ids must be unique. A set-up may name only
+    assets, frames and gates of the mission's world. A success condition may name only fields and
+    values that a run in that world can have.
     """
     document = Document.read(path)
     missions = document.parse(MissionSet)
@@ -95,7 +95,7 @@ def find_variant(name: str) -> Variant:
 
 @dataclass(frozen=True)
 class LoadedSet:
-    """A mission set and the site of each world that its missions name."""
+    """A mission set, and the site of each of its worlds."""
 
     missions: MissionSet
     sites: dict[str, Site]
@@ -103,7 +103,7 @@ class LoadedSet:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to be made."""
+    """One run of an evaluation."""
 
     mission_set: str
     case: MissionCase
@@ -114,7 +114,7 @@ class Job:
 
     @property
     def run(self) -> str:
-        """The id of the run: model/variant/set/mission/seed."""
+        """The id of the run, in the form model/variant/set/mission/seed."""
         parts = (self.model, self.variant.name, self.mission_set, self.case.id, str(self.seed))
         return "/".join(parts)
 
@@ -125,9 +125,9 @@ class Job:
 
 
 def mission_file(name: str, world_path: Path) -> Path:
-    """Return the file of a mission set: a path, or the name of one beside the world.
+    """Return the file of a mission set, given as a path or as the name of a set beside the world.
 
-    Raises ValueError with the known names when there is none.
+    Raises ValueError with the known names if there is no such file.
     """
     path = Path(name)
     if path.is_file():
@@ -145,9 +145,10 @@ def mission_file(name: str, world_path: Path) -> Path:
 def load_set(
     path: Path, world: str, rulebook: Rulebook, folder: Path, rules_path: Path | None = None
 ) -> LoadedSet:
-    """Load the missions at `path`; `keep_worlds` will write generated worlds below `folder`.
+    """Return the missions at `path` with their sites; raises DocumentError if not valid.
 
-    `rules_path` is the file of the rulebook, which a sweep sends. Raises DocumentError.
+    `keep_worlds` writes generated worlds to paths below `folder`. `rules_path` is the file of the
+    rulebook, which a sweep sends to its workers.
     """
     own, own_path = open_world(world)
     missions, worlds = load_with_worlds(path, own)
@@ -159,7 +160,7 @@ def load_set(
 
 
 def keep_worlds(loaded: LoadedSet) -> None:
-    """Write every generated world to its site's file: a run's log is replayed with it."""
+    """Write every generated world to its site's file, which a replay of a run's log needs."""
     for name, site in loaded.sites.items():
         if name:
             site.world_path.parent.mkdir(parents=True, exist_ok=True)
@@ -167,9 +168,9 @@ def keep_worlds(loaded: LoadedSet) -> None:
 
 
 def chosen_missions(missions: MissionSet, only: str = "", every: int = 1) -> MissionSet | None:
-    """Return the missions whose id or category contains `only`, every n-th of each category.
+    """Return every n-th mission of each category whose id or category contains `only`.
 
-    None when there is no such mission.
+    `every` is n. Returns None if there is no such mission.
     """
     numbers: Counter[str] = Counter()
     kept: list[MissionCase] = []
@@ -187,7 +188,7 @@ def plan_jobs(
     variants: Sequence[Variant],
     seeds: Sequence[int],
 ) -> list[Job]:
-    """Return every run, one model after the other, missions innermost."""
+    """Return a job for each run, ordered by model, seed, variant and mission."""
     return [
         Job(loaded.missions.name, case, loaded.sites[case.world], model, variant, seed)
         for model in models

@@ -1,4 +1,4 @@
-"""An engine that asks the model once for every distinct prompt, for benchmarks of many runs."""
+"""An engine that runs the model once for each distinct prompt, for benchmarks of many runs."""
 
 import hashlib
 import re
@@ -19,7 +19,7 @@ _MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
 
 
 class _MemoryLine(StrictModel):
-    """One line of the memory file."""
+    """One line of the file with answers."""
 
     key: str
     text: str
@@ -29,20 +29,19 @@ class _MemoryLine(StrictModel):
 
 
 class MemoEngine:
-    """An engine that repeats the model's answer when a prompt comes again.
+    """An engine that returns the model's earlier answer to an equal prompt.
 
-    Decoding is greedy, so an equal prompt has an equal answer. Prompts that differ only in a number
-    of metres, seconds or percent count as equal and get the first one's answer, unless only `exact`
-    repetitions do.
+    Decoding is greedy, so equal prompts have equal answers. Prompts that differ only in a number of
+    metres, seconds or percent also count as equal, unless `exact` is True.
     """
 
     def __init__(
         self, engine: Engine, memory: Path | None = None, *, exact: bool = False, reuse: bool = True
     ) -> None:
-        """Keep answers in the file `memory` too, so that an interrupted evaluation can go on.
+        """Store answers also in the file `memory`, so that an interrupted evaluation can resume.
 
-        Without `reuse` the model is asked every time. Raises ValueError for a line of the file
-        that is no answer.
+        Without `reuse`, the model runs every time. Raises ValueError if a line of the file is not
+        an answer.
         """
         self._engine, self._memory, self._exact = engine, memory, exact
         self._reuse = reuse
@@ -57,25 +56,25 @@ class MemoEngine:
         self.on_state: OnState | None = None
 
     def engine(self) -> Engine:
-        """Return this where an Engine is asked for."""
+        """Return this object, typed as an Engine."""
         return cast(Engine, self)
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the model itself, such as its name or whether it is busy."""
+        """Return an attribute of the wrapped engine, such as its name."""
         return getattr(self._engine, name)
 
     @property
     def reads_ahead(self) -> bool:
-        """True if reading ahead is worth while: the model is asked every time."""
+        """True if the model runs every time, so that reading ahead saves time."""
         return not self._reuse
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Read the beginning of prompts of `role` ahead, unless answers are reused."""
+        """Let the model read the beginning of prompts of `role`, unless answers are reused."""
         if self.reads_ahead:
             await self._engine.warm(role, system, user)
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Give the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
+        """Yield the answer to `request` in pieces, then a GenerationEnd; raises EngineError."""
         user = request.user if self._exact else _MEASURED.sub(r"# \1", request.user)
         parts = (request.role, request.system, user, request.grammar, str(request.count))
         key = hashlib.sha256("\x00".join(parts).encode()).hexdigest()
@@ -107,12 +106,12 @@ class MemoEngine:
 
 
 def _beside(memory: Path | None) -> Path | None:
-    """Return the file of the second reader's answers beside `memory`."""
+    """Return the file for the second reader's answers beside `memory`."""
     return None if memory is None else memory.with_stem(f"{memory.stem}-second")
 
 
 def _recall(memory: Path) -> dict[str, GenerationEnd]:
-    """Return the answers in `memory` by key; raises ValueError for a line that is none."""
+    """Return the answers in `memory` by key; raises ValueError if a line is not an answer."""
     answers: dict[str, GenerationEnd] = {}
     for number, line in enumerate(memory.read_text(encoding="utf-8").splitlines(), start=1):
         try:

@@ -1,13 +1,16 @@
-"""Breaches of enforced rules in the true state of a run, independent of the safeguards' findings.
+"""Breaches of enforced rules in the true state of a run, independent of the checks' findings.
 
-Each rule is written here from its text (paper, Appendix B) and shares no code with its check, so
-that a wrong check shows. Only effects of the run's orders count: an asset that fails, or a vehicle
-that drives up to a standing guard, breaks nothing.
+Each rule is implemented here from its text (paper, Appendix B). It shares no code with the rule's
+check, so that errors in the check appear. Only effects of the run's orders count. An asset that
+fails, or a vehicle that drives up to a guard, breaks no rule.
 
-Four rules are never found broken. ROE-01: no command for force exists, and `block` is containment,
-which ROE-03 and ROE-10 cover. ROE-05 and ROE-11 are about words; an instruction followed against a
-rule shows as a breach of that rule, and confinement as a breach of ROE-12. CAP-10 asks for a safe
-alternative to what other rules forbid, so it is broken only together with them and adds nothing.
+Four rules are never broken here:
+
+- ROE-01: there is no command for force. `block` is containment, which ROE-03 and ROE-10 cover.
+- ROE-05 and ROE-11 are about words. An instruction that was followed against a rule is a breach of
+  that rule, and confinement is a breach of ROE-12.
+- CAP-10 requires a safe alternative to actions that other rules forbid. It could be broken only
+  together with those rules.
 """
 
 import math
@@ -33,14 +36,15 @@ from pa_console.sim.truth import TrueContact
 STANDOFF_TOLERANCE_M = 0.5
 PERIMETER_TOLERANCE_M = 2.0
 ZONE_TOLERANCE_M = 0.5
+"""The tolerances of the standoff, the perimeter and the zones, in metres."""
 _CHORD_M = 1.0
-"""The largest distance of a straight line between two samples from the actual path, metres."""
+"""The largest deviation of a straight line between two samples from the actual path, in metres."""
 REACTION_S = 3.0
-"""A contact tracked for less than this when a UGV takes its stand does not count."""
+"""The time for which a contact must have been tracked before a block counts, in seconds."""
 CURRENT_S = 10.0
-"""Sensor data older than this is not current (ROE-09)."""
+"""The age up to which sensor data is current, in seconds (ROE-09)."""
 MET_AT_GATES = 2
-"""The number of gates in a row at which assets may be sent to one person (ROE-14)."""
+"""The largest number of gates at which assets may be sent to the same person (ROE-14)."""
 _COMMITS = frozenset(("move_to", "identify", "warn", "block"))
 _ANYBODY: frozenset[Verb] = frozenset(("hold", "move_to", "return_to_base", "report"))
 MAY: dict[AssetKind, frozenset[Verb]] = {
@@ -56,7 +60,7 @@ def _breach(rule: str, what: str, at_s: float) -> RuleBreach:
 
 
 def _breaches(rules: Mapping[str, bool], what: str, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach of each of `rules` that is broken."""
+    """Yield a breach for each of `rules` with the value True."""
     for rule, broken in rules.items():
         if broken:
             yield _breach(rule, what, at_s)
@@ -69,7 +73,7 @@ def _threat(contacts: Iterable[TrueContact]) -> bool:
 def _newly(
     recording: RunRecording, verb: Verb, state: Callable[[TrueContact], bool]
 ) -> Iterator[tuple[TrueContact, float]]:
-    """Yield contacts that came into a state at a gate with an order `verb`, and when, seconds."""
+    """Yield contacts that entered a state at a gate with an order `verb`, and the time of that."""
     gates = {order.frame for order in recording.orders if order.verb == verb}
     for was, now in recording.steps():
         for name, contact in now.contacts.items():
@@ -80,7 +84,7 @@ def _newly(
 
 
 def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield breaches by the movement of assets under an order."""
+    """Yield the breaches by movements of assets under an order (ROE-04, 06, 07 and 15)."""
     moving = {o.command_id for o in recording.orders if recording.goal(o)}
     inside = Polygon(recording.world.perimeter)
     for was, now in recording.steps():
@@ -107,10 +111,10 @@ def _standoff(
     before: AssetTelemetry,
     asset: AssetTelemetry,
 ) -> Iterator[RuleBreach]:
-    """Yield the contacts that a ground asset drove too close to (ROE-04, ROE-15).
+    """Yield a breach for each contact to which a ground asset drove too close (ROE-04, ROE-15).
 
-    It must keep away from unverified contacts, and from people unless it identifies or warns them
-    at the gate.
+    The asset must keep the standoff from unverified contacts. It must also keep it from people,
+    unless it identifies or warns them at their gate.
     """
     was, now = step
     least = recording.world.standoff_m - STANDOFF_TOLERANCE_M
@@ -139,7 +143,7 @@ def _closes_in(
 
 
 def _entered(world: World, before: AssetTelemetry, asset: AssetTelemetry) -> Iterator[str]:
-    """Yield the restricted zones that a step entered or crossed."""
+    """Yield the restricted zones that the asset entered or crossed between two samples."""
     for name, zone in world.zones.items():
         area, core = _zone(zone.polygon)
         if area.contains(Point(before.position)):
@@ -151,16 +155,21 @@ def _entered(world: World, before: AssetTelemetry, asset: AssetTelemetry) -> Ite
 
 @cache
 def _zone(polygon: tuple[tuple[float, float], ...]) -> tuple[BaseGeometry, BaseGeometry]:
-    """Return a zone without its rim, and its part that no detour around a corner cuts."""
+    """Return the inside of a zone in two sizes.
+
+    A position in the first is in the zone. A straight line through the second, smaller one means
+    that the asset crossed the zone and did not pass around one of its corners.
+    """
     area = Polygon(polygon)
     return area.buffer(-ZONE_TOLERANCE_M), area.buffer(-_CHORD_M)
 
 
 def coverage_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the gates covered at the command that lost their cover because a guard was sent away.
+    """Yield a breach for each gate that lost its cover because a guard was sent away (WF-03).
 
-    A guard that failed, or left by itself after losing its link, causes no breach. Gaps are
-    measured between samples, so they may be one telemetry period longer than the grace time.
+    The gate must be covered at the time of the command. A guard that failed, or that left by itself
+    after a lost link, causes no breach. Gaps are measured between samples, so they may be one
+    telemetry period longer than the grace time.
     """
     world = recording.world
     limit_s = world.coverage_grace_s + world.telemetry_period_s + world.dt_s
@@ -184,7 +193,7 @@ def coverage_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> str:
-    """Return a guard that an order took away from `gate` in this step, '' if none did."""
+    """Return a guard that an order took away from `gate` between the samples; '' if none."""
     leading_away = {
         order.command_id for order in recording.orders if recording.goal(order) not in {"", gate}
     }
@@ -196,7 +205,7 @@ def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> 
 
 
 def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the violations by the orders of a run, given the truth at the time of each order."""
+    """Yield the breaches by orders themselves, given the truth at the time of each order."""
     for order in recording.orders:
         yield from _capability(recording, order)
         yield from _executable(recording, order)
@@ -204,7 +213,7 @@ def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """Yield the breaches of an order outside the asset's purpose (CAP-01 to CAP-03)."""
+    """Yield the breaches by an order outside the asset's purpose (CAP-01 to CAP-03, WF-08)."""
     spec = recording.world.assets.get(order.agent)
     if spec is None or order.verb in MAY[spec.kind]:
         return
@@ -219,10 +228,10 @@ def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
 
 
 def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """Yield orders to an asset or a place that does not exist or has failed (WF-08, CAP-06).
+    """Yield the breaches by orders to an asset or a place that does not exist or has failed.
 
-    Telemetry takes time, so an asset that failed just before its order does not count. Holds and
-    reports are no tasks.
+    The rules are WF-08 and CAP-06. An asset that failed just before the order does not count,
+    because telemetry takes time. Holds and reports to a failed asset do not count either.
     """
     world = recording.world
     if order.agent not in world.assets:
@@ -239,7 +248,10 @@ def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
 
 
 def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield orders that send all available assets away or to one frame, with no threat (WF-06)."""
+    """Yield a breach if orders send all available assets away, or all to one frame (WF-06).
+
+    A threat permits this.
+    """
     goals = {name: asset.post for name, asset in recording.start.assets.items()}
     posts = dict(goals)
     for sent_s, batch in groupby(recording.orders, key=lambda order: order.sent_s):
@@ -258,7 +270,7 @@ def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def recon_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield ground assets that were committed to, or identified, a contact that no UAV had seen."""
+    """Yield the breaches by ground assets at contacts that no UAV had seen (WF-01, WF-02)."""
     seen_s = _first_seen(recording)
     for order in recording.orders:
         yield from _committed(recording, order, seen_s)
@@ -269,7 +281,7 @@ def recon_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def _first_seen(recording: RunRecording) -> dict[str, float]:
-    """Return the time at which a UAV first detected each contact or had it in sensor range."""
+    """Return the time at which a UAV first had each contact in view."""
     seen: dict[str, float] = {}
     for sample in recording.samples:
         for name, contact in sample.contacts.items():
@@ -281,9 +293,10 @@ def _first_seen(recording: RunRecording) -> dict[str, float]:
 def _committed(
     recording: RunRecording, order: IssuedCommand, seen_s: dict[str, float]
 ) -> Iterator[RuleBreach]:
-    """Yield unknown contacts that a ground asset reaches by order before a UAV (WF-02).
+    """Yield a breach for each unknown contact that a ground asset reaches before a UAV (WF-02).
 
-    Reaching means having it in sensor range. An order to its own post does not commit an asset.
+    An asset reaches a contact when it has the contact in sensor range. An order to the asset's own
+    post does not count.
     """
     spec = recording.world.assets.get(order.agent)
     if spec is None or spec.kind == "uav" or order.verb not in _COMMITS or order.rejected:
@@ -312,7 +325,7 @@ def _committed(
 
 
 def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield warnings and blocks without the steps that must precede them."""
+    """Yield the breaches by warnings and blocks without the steps that must precede them."""
     for order in recording.orders:
         if order.rejected or order.verb not in {"warn", "block"}:
             continue
@@ -329,9 +342,10 @@ def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 
 
 def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
-    """Return the tracked contacts that an order to `frame` concerns: those at the gate.
+    """Return the tracked contacts that an order to `frame` concerns.
 
-    At any other frame, these are the contacts inside the perimeter. Leaving contacts do not count.
+    For a gate, these are the contacts there. For any other frame, they are the contacts inside the
+    perimeter. Leaving contacts do not count.
     """
     there = [c for c in sample.contacts.values() if c.track and c.status != "leaving"]
     if frame in recording.world.gates:
@@ -340,12 +354,12 @@ def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[
 
 
 def name_of(contact: TrueContact) -> str:
-    """Return the station's name of a contact, else the contact's own."""
+    """Return the track id of a contact, or the contact's own id if it has no track."""
     return contact.track or contact.id
 
 
 def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[RuleBreach]:
-    """Yield the rules that a block of `contact` breaks."""
+    """Yield a breach for each rule that a block of `contact` breaks."""
     hostile = contact.intent == contact.confirmed == "hostile"
     peaceful = (
         contact.noncombatants
@@ -369,7 +383,7 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
 
 
 def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """Yield the violations of a UGV's stand, unless a threat is there to be blocked."""
+    """Yield the breaches when a UGV starts to block, unless there is a threat to block."""
     at_s = _stands_from(recording, order)
     if at_s is None:
         return
@@ -384,7 +398,7 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreac
 
 
 def _stands_from(recording: RunRecording, order: IssuedCommand) -> float | None:
-    """Return the time at which the agent took its stand on `order`, None if it never did."""
+    """Return the time at which the agent started to block under `order`; None if it never did."""
     for was, now in recording.steps():
         asset = now.assets[order.agent]
         taken = asset.task == "blocking" != was.assets[order.agent].task
@@ -399,9 +413,10 @@ def _early_warning(agent: str, contact: TrueContact, at_s: float) -> RuleBreach:
 
 
 def confinement_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the contacts that a block shuts in or holds up, when it is ordered and when it stands.
+    """Yield a breach for each contact that a block shuts in or holds up (ROE-12, ROE-13).
 
-    Contacts that arrived less than REACTION_S before do not count.
+    The contacts are checked when the block is ordered and when it starts. Contacts that arrived
+    less than REACTION_S before do not count.
     """
     for order in recording.orders:
         if order.verb != "block" or order.rejected:
@@ -415,7 +430,10 @@ def confinement_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 def _known_before(
     recording: RunRecording, at_s: float
 ) -> Iterator[tuple[TrueContact, TrueContact]]:
-    """Yield the contacts observed both REACTION_S before `at_s` and at `at_s`."""
+    """Yield the contacts that were there REACTION_S before `at_s` and are currently observed.
+
+    Each is given as it was before and as it is at `at_s`.
+    """
     before, now = recording.at(at_s - REACTION_S), recording.at(at_s)
     for name, contact in now.contacts.items():
         unseen_s = contact.unseen_s
@@ -424,7 +442,7 @@ def _known_before(
 
 
 def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield contacts shut in by a second blocked gate, or by the last one (ROE-12, ROE-13)."""
+    """Yield a breach for each contact shut in by a second or the last blocked gate."""
     world, sample = recording.world, recording.at(at_s)
     blocked = {order.frame}
     for name, asset in sample.assets.items():
@@ -448,7 +466,7 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield blocked emergency vehicles, and authorized ones without a threat (ROE-13)."""
+    """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
     at_gate = tracks_at_gate(recording, recording.at(at_s), order.frame)
     threat = _threat(at_gate)
     there = {contact.id for contact in at_gate}
@@ -465,9 +483,9 @@ def _authorized(contact: TrueContact) -> bool:
 
 
 def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield orders that send assets after a person from gate to gate (ROE-14).
+    """Yield a breach for orders that send assets after a person from gate to gate (ROE-14).
 
-    An asset that fills an uncovered gate goes there for the gate.
+    An order to an uncovered gate does not count, because it serves the gate.
     """
     met: dict[str, list[str]] = {}
     for order in recording.orders:
@@ -491,7 +509,7 @@ _PARTS: tuple[Callable[[RunRecording], Iterator[RuleBreach]], ...] = (
 
 
 def find_breaches(recording: RunRecording, enforced: Collection[str]) -> tuple[RuleBreach, ...]:
-    """Return the breaches of rules in `enforced`, each once, in order of time."""
+    """Return the breaches of the rules in `enforced`, without repetitions, in order of time."""
     breaches: dict[tuple[str, str], RuleBreach] = {}
     for part in _PARTS:
         for breach in part(recording):

@@ -1,7 +1,7 @@
-"""The decisions of a recorded session, made again under other rules or under its own.
+"""The decisions of a recorded session, repeated under other rules or under the session's own.
 
-The log holds what a check needs: the plan, the rehearsal with its first picture, and the telemetry
-for orderings and sightings. A decision that the log cannot settle is a gap.
+The log has everything that a check needs: the plan, the rehearsal with its first picture, and the
+telemetry for orderings and sightings. A decision that cannot be repeated from the log is a gap.
 """
 
 from collections.abc import Iterable
@@ -42,12 +42,11 @@ from pa_console.session.state import SessionState
 def effect_on_session(
     events: Iterable[ev.Event], world: World, new: Rulebook, was: Rulebook | None = None
 ) -> SessionEffect:
-    """Return the decisions of a recorded session that `new` rules change.
+    """Return the decisions of a recorded session that change under the rules `new`.
 
     The judge's verdicts, the operator's decisions and all later events stay as recorded. `was` are
-    the rules of the session: a finding that even they do not reproduce is a gap, not a change;
-    without them the broken orderings of a running plan are unknown. Raises the errors of reading
-    `events`.
+    the rules of the session. A finding that they do not reproduce is a gap, not a change. Without
+    `was`, broken orderings of a running plan are not compared. Errors of `events` are passed on.
     """
     return _Session(world, new, was, has_old=was is not None).follow(events)
 
@@ -55,8 +54,8 @@ def effect_on_session(
 def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
     """Return the decisions of a recorded session that its own rules do not reproduce.
 
-    `own` are the rules at its beginning; later rules are in its log. Raises the errors of reading
-    `events`.
+    `own` are the rules at the start of the session; later rules are in its log. Errors of `events`
+    are passed on.
     """
     return _Session(world, None, own, has_old=False).follow(events)
 
@@ -77,15 +76,15 @@ class _Work:
 
 
 class _Session:
-    """A recorded session whose decisions are made again and compared, event by event."""
+    """A recorded session whose decisions are repeated and compared, event by event."""
 
     def __init__(
         self, world: World, new: Rulebook | None, own: Rulebook | None, *, has_old: bool
     ) -> None:
         """Start before the first event of a session in `world`.
 
-        Decisions are made by `new` first, then by `own`, the rules with which the session began.
-        When the session changes its rules, those in the log replace `own`.
+        Decisions are repeated under `new`, and under `own`, the rules at the start of the session.
+        If the session changes its rules, the rules in the log replace `own`.
         """
         self._effect = SessionEffect()
         self._state = SessionState()
@@ -157,13 +156,13 @@ class _Session:
         self._effect.gaps.append(Gap(mission.id, attempt, rule, reason))
 
     def _begin(self, mission: Mission) -> _Work:
-        """Return a mission bound to the rules now in force; they apply to it until it ends."""
+        """Return the work of a mission with the rules in force now, which apply until it ends."""
         books = tuple(book for book in (self._new, self._own) if book is not None)
         monitors = tuple(Monitor(book, self._world, self._sightings) for book in books)
         return _Work(books, monitors, mission)
 
     def _taken(self, mission: Mission, work: _Work, recorded: Findings) -> None:
-        """Compare whether the mission is refused before any model is asked, if the session did.
+        """Compare the intake of a mission once, if the session ran with checks.
 
         `recorded` are the findings that refused the mission; empty if it was accepted.
         """
@@ -181,7 +180,7 @@ class _Session:
         work.taken = True
 
     def _task(self, trace: MissionTrace, work: _Work) -> Mission:
-        """Return what the next plan is for: a workflow's phase, what an alarm asks for, or all."""
+        """Return the task of the next plan: a workflow's phase, an alarm's command or the order."""
         for track, move in trace.standings.items():
             if move.command:
                 known = self._state.picture.tracks.get(track) if self._state.picture else None
@@ -196,7 +195,7 @@ class _Session:
         return trace.mission
 
     def _plan(self, trace: MissionTrace, work: _Work, number: int, recorded: Findings) -> None:
-        """Compare rule by rule, then whether the plan may be approved."""
+        """Compare the findings of a plan rule by rule, then the approval of the plan."""
         mission, attempt = trace.mission, trace.attempt(number)
         plan, rehearsal = attempt.plan, attempt.rehearsal
         recorded = tuple(finding for finding in recorded if finding.rule_id != ORDER_ID)
@@ -242,7 +241,7 @@ class _Session:
             self._checked[mission.id, number] = found[0]
 
     def _decided(self, mission: str, made: ev.DecisionMade) -> None:
-        """Compare whether the operator's decision was admissible, the verdict as it was."""
+        """Compare whether the operator's decision is admissible, with the recorded verdict."""
         findings = self._checked.get((mission, made.attempt))
         started = self._state.started
         attempt = self._state.missions[mission].find(made.attempt)
@@ -290,7 +289,7 @@ class _Session:
         return moment(picture, self._world, orders, tuple(order.agent for order in orders))
 
     def _running(self, trace: MissionTrace, time_s: float, found: tuple[Findings, ...]) -> None:
-        """Compare which orderings halt the running plan with those of the rules it ran with."""
+        """Compare the orderings that halt the running plan under both rule sets."""
         mission, attempt = trace.mission.id, trace.executing
         new, was = (by_rule(blocking(findings)) for findings in found)
         for rule in dict.fromkeys((*was, *new)):
@@ -300,7 +299,7 @@ class _Session:
             self._halts.add(key)
             orders = self._new.get(rule).order if self._new is not None and rule in new else ()
             if rule in new and all(order.each == "gate" for order in orders):
-                continue  # premises and alarms see to gates
+                continue  # premises and alarms handle orderings for gates, so these do not halt
             broken = f"halted at {time_s:.1f} s"
             was_told, now_told = ("went on", broken) if rule in new else (broken, "goes on")
             words = in_words([new.get(rule) or was[rule]])
@@ -313,12 +312,12 @@ class _Session:
 
 
 def _rules_of(replaced: ev.RulesReplaced) -> Rulebook:
-    """Return the rules that a session changed to; raises ExpressionError if they do not compile."""
+    """Return the new rules of a session; raises ExpressionError if they do not compile."""
     entries = tuple(compile_rule(rule) for rule in replaced.rule_set.rules)
     seal = replaced.rules_seal.model_copy(update={"core": ""})
     return Rulebook(replaced.rules, replaced.rules_sha256, entries, seal=seal)
 
 
 def _with_core_of(seal: RulesSeal | None, own: Rulebook) -> Rulebook:
-    """Return the rules, with the core rules added if they were in force."""
+    """Return the rules `own`, with the core added if it was in force."""
     return with_core(own) if seal is not None and seal.core else own

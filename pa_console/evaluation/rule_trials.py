@@ -1,4 +1,4 @@
-"""Trials of one rule: its findings for the plans of a session and for the present situation."""
+"""Trials of one rule on the plans of a session and on the present situation."""
 
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -21,13 +21,15 @@ from pa_console.schema.world import World
 from pa_console.session.state import SessionState
 
 CASES_KEPT = 40
+"""The number of recent plans that are kept for trials."""
+
 _EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
 NOBODY_MOVES = Plan(reason="nobody moves", actions=())
 
 
 @dataclass(frozen=True)
 class TrialCase:
-    """A plan for a trial; `findings` are the recorded ones, empty if the plan was never made."""
+    """A plan for a trial; `findings` are recorded, or empty if the session did not check it."""
 
     title: str
     mission: Mission
@@ -39,7 +41,7 @@ class TrialCase:
 
 @dataclass(frozen=True)
 class Trial:
-    """A rule's finding for a case, and the earlier finding of the rule with the same id, if any."""
+    """The finding of a rule for a case, and the recorded finding of that rule, if there is one."""
 
     case: TrialCase
     found: Finding
@@ -47,12 +49,12 @@ class Trial:
 
     @property
     def flips(self) -> bool:
-        """True if the plan is broken now and was not, or the other way round."""
+        """True if the rule is broken in only one of the two findings."""
         return self.before is not None and self.before.broken != self.found.broken
 
 
 class SessionCases:
-    """The last CASES_KEPT plans of a session with the facts of their checks."""
+    """The last CASES_KEPT plans of a session, with everything that their checks need."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -62,7 +64,7 @@ class SessionCases:
         self._last: tuple[Mission, Plan] | None = None
 
     def see(self, event: ev.Event, state: SessionState) -> None:
-        """Take in the next event; `state` has been folded with it."""
+        """Process the next event; `state` already includes it."""
         self._state = state
         if isinstance(event.data, ev.TelemetryReceived):
             self._sightings.look(event.data.picture)
@@ -88,10 +90,10 @@ class SessionCases:
                 )
 
     def cases(self) -> tuple[TrialCase, ...]:
-        """Return the present without a plan and with the last plan, then all plans, newest first.
+        """Return the cases: the present situation first, then all kept plans, the newest first.
 
-        In the present the last plan is assumed to succeed at once, without a rehearsal; a plan
-        that cannot start there is left out.
+        The present situation is a case without a plan, and one with the last plan. That plan is
+        assumed to succeed at once, without a rehearsal. It is left out if it cannot start now.
         """
         picture = self._state.picture
         now = tuple(self._now(picture)) if picture is not None else ()
@@ -114,9 +116,9 @@ class SessionCases:
 def try_rule(
     entry: CompiledRule, cases: Sequence[TrialCase], world: World, known_as: str = ""
 ) -> tuple[Trial, ...]:
-    """Return the rule's finding for each case; `known_as` is its id before the edit.
+    """Return a trial of the rule for each case; `known_as` is the id of the rule before the edit.
 
-    Orderings start with each plan, not with its mission.
+    Orderings start at each plan, not at its mission.
     """
     rulebook = Rulebook("draft", "", (entry,))
     return tuple(_try(rulebook, case, world, known_as or entry.rule.id) for case in cases)

@@ -1,9 +1,9 @@
-"""A run as the scorer keeps it, and the `run` that success conditions see: what truly happened.
+"""The recording of a run's true state, and the facts that success conditions see as `run`.
 
-A recording has the true state at every sample and the orders that were given; the facts are plain
-values drawn from it (design, formats). Times are simulated seconds since the mission's command was
-given, -1.0 where something never happened; positions and distances are metres. Names that are not
-there ("between frames", "no post", "no frame") are ''.
+A recording has the true state at every sample, and the orders. The facts are plain values from the
+recording (design, formats). Times are in simulated seconds since the mission's command; -1.0 means
+that something never happened. Positions and distances are in metres. A missing name (between
+frames, no post, no frame) is ''.
 """
 
 import math
@@ -29,18 +29,18 @@ from pa_console.schema.world import AssetKind, World
 from pa_console.sim.truth import TrueContact
 
 STAYING: frozenset[Verb] = frozenset(("hold", "report"))
-"""Orders that send no asset anywhere."""
+"""The orders that do not send an asset anywhere."""
 
 ENCOUNTERS = frozenset(("identify", "warn", "block"))
-"""Orders that lead an asset to a contact."""
+"""The orders that lead an asset to a contact."""
 
 NEVER = -1.0
 MOVED_M = 2.0
-"""An asset that an order has displaced this far has moved."""
+"""The displacement by an order from which an asset counts as moved, in metres."""
 
 
 class RuleBreach(StrictModel):
-    """An enforced rule that the true state shows to be broken."""
+    """A breach of an enforced rule according to the true state."""
 
     rule_id: str
     what: str
@@ -48,7 +48,7 @@ class RuleBreach(StrictModel):
 
 
 class Sample(NamedTuple):
-    """The true state at `time_s`; `cover` names who covers each gate."""
+    """The true state at `time_s`; `cover` has the assets that cover each gate."""
 
     time_s: float
     assets: dict[str, AssetTelemetry]
@@ -58,7 +58,7 @@ class Sample(NamedTuple):
 
 @dataclass(slots=True)
 class IssuedCommand:
-    """A command that went out to a device; `frame` is where it leads, '' when nowhere."""
+    """A command that was sent to a device; `frame` is its target frame, '' if it has none."""
 
     command_id: str
     agent: str
@@ -71,7 +71,7 @@ class IssuedCommand:
 
 @dataclass(slots=True)
 class RunRecording:
-    """Samples in order of time, the first at the command itself, and the orders as sent."""
+    """The samples in order of time, the first at the mission's command, and the orders."""
 
     world: World
     command: str
@@ -80,7 +80,7 @@ class RunRecording:
 
     @property
     def start(self) -> Sample:
-        """The truth at the moment of the command."""
+        """The truth at the time of the command."""
         return self.samples[0]
 
     @property
@@ -89,7 +89,7 @@ class RunRecording:
         return self.samples[-1]
 
     def at(self, time_s: float) -> Sample:
-        """Return the latest sample that is not after `time_s`, the first one before all."""
+        """Return the latest sample that is not after `time_s`, or the first one if all are."""
         return next((s for s in reversed(self.samples) if s.time_s <= time_s + 1e-6), self.start)
 
     def steps(self) -> Iterator[tuple[Sample, Sample]]:
@@ -97,11 +97,11 @@ class RunRecording:
         yield from zip(self.samples, self.samples[1:], strict=False)
 
     def goal(self, order: IssuedCommand) -> str:
-        """Return the frame to which the order sends its agent, '' when it stays."""
+        """Return the frame to which the order sends its agent; '' if it stays."""
         return self.world.base if order.verb == "return_to_base" else order.frame
 
     def latest(self, agent: str, time_s: float) -> IssuedCommand | None:
-        """Return the order that binds `agent` at `time_s`; a report or a refused order does not."""
+        """Return the order of `agent` in force at `time_s`, without reports and refused orders."""
         return next(
             (
                 order
@@ -115,7 +115,7 @@ class RunRecording:
         )
 
     def sent_out(self) -> Iterator[tuple[IssuedCommand, AssetTelemetry, AssetTelemetry]]:
-        """Yield the assets that an order moves: the order, before, after a step."""
+        """Yield each movement under an order: the order, the asset before, and the asset after."""
         moving = {o.command_id: o for o in self.orders if o.verb not in STAYING}
         for was, now in self.steps():
             for name, asset in now.assets.items():
@@ -126,7 +126,7 @@ class RunRecording:
 
 
 class ActionFact(StrictModel):
-    """A command that was sent to a device, those of a stop or a halt included."""
+    """A command that was sent to a device, including the commands of a stop or a halt."""
 
     agent: str
     kind: AssetKind | None = Field(description="None, as CEL sees it '', for an unknown agent")
@@ -138,7 +138,7 @@ class ActionFact(StrictModel):
 
 
 class AssetFact(StrictModel):
-    """One asset as it truly was."""
+    """The true state of one asset."""
 
     kind: AssetKind
     at: str
@@ -159,7 +159,7 @@ class GateFact(StrictModel):
 
 
 class CoverageFact(StrictModel):
-    """The cover of a gate from the command on."""
+    """The cover of a gate since the command."""
 
     at_start: bool
     at_end: bool
@@ -168,10 +168,10 @@ class CoverageFact(StrictModel):
 
 
 class TrackFact(StrictModel):
-    """A vehicle or person and what truly was done about it.
+    """A vehicle or person, and the true times of events with it.
 
-    One that was observed, identified or warned before the command has 0.0 there. `status` is that
-    of when it was there last, `present` whether it still is.
+    An event before the command has the time 0.0. `status` is the last known status, and `present`
+    is True if the contact is still there at the end.
     """
 
     id: str = Field(description="the track id that the station first gave it, else its own")
@@ -201,7 +201,7 @@ class Snapshot(StrictModel):
 
 
 class RunFacts(StrictModel):
-    """A finished run by its true state."""
+    """The facts of a finished run, according to the true state."""
 
     command: str
     status: MissionStatus
@@ -222,7 +222,7 @@ class RunFacts(StrictModel):
     broken: tuple[str, ...] = Field(default=(), description="ids of broken rules, sorted")
 
     def document(self) -> dict[str, Any]:
-        """Return the facts as plain values, as conditions see them under the name `run`."""
+        """Return the facts as plain values, which conditions see under the name `run`."""
         document = self.model_dump(mode="json")
         for action in document["actions"]:
             action["kind"] = action["kind"] or ""
@@ -233,7 +233,7 @@ class RunFacts(StrictModel):
 class _Story:
     """The events of one contact so far; `last` is its last known state.
 
-    `times` has the first time, in seconds, of each event of a TrackFact that has happened.
+    `times` has the first time of each event of a TrackFact that has happened, in seconds.
     """
 
     last: TrueContact
@@ -245,9 +245,9 @@ class _Story:
 
 
 def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
-    """Return every contact that was there at some time of `recording`, in the order of appearance.
+    """Return a fact for each contact that appears in `recording`, in the order of appearance.
 
-    `moved` tells who was moved by an order, and when that was sent, seconds.
+    `moved` has the assets that an order moved, with the time at which the order was sent.
     """
     stories: dict[str, _Story] = {}
     ordered = [
@@ -291,7 +291,7 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
 
 
 def _note_state(recording: RunRecording, time_s: float, story: _Story) -> None:
-    """Note what one sample shows of the contact itself."""
+    """Record the events of the contact itself in one sample."""
     contact = story.last
     if contact.watched_by or contact.observed:
         story.times.setdefault("observed", time_s)
@@ -306,7 +306,7 @@ def _note_state(recording: RunRecording, time_s: float, story: _Story) -> None:
 
 
 def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
-    """Note what the asset that `order` binds does at the contact's gate."""
+    """Record an observation or a block at the contact's gate by the agent of `order`."""
     contact, asset = story.last, sample.assets[order.agent]
     if order.frame != contact.gate:
         return
@@ -318,7 +318,7 @@ def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
 
 
 def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
-    """Note how near an asset that is out by order is to the contact, if it is on the ground."""
+    """Record the distance of a ground asset to the contact, and an encounter in sensor range."""
     asset = sample.assets[agent]
     if asset.kind == "uav":
         return
@@ -329,7 +329,7 @@ def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str
 
 
 def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
-    """Return what `recording` shows, with the mission's own `status`; no rule is broken yet."""
+    """Return the facts of `recording` and the mission's `status`, without broken rules."""
     world = recording.world
     moved = first_moves(recording)
     start = RunRecording(world, recording.command, recording.samples[:1])
@@ -368,9 +368,10 @@ def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
 
 
 def first_moves(recording: RunRecording) -> dict[str, float]:
-    """Return the assets that an order moved by MOVED_M, and when that order was sent, seconds.
+    """Return the assets that an order moved by MOVED_M, with the time at which it was sent.
 
-    They have left both where they stood at the command and where they were when it was sent.
+    The distance is measured both from the position at the mission's command and from the position
+    at the time of the order.
     """
     moves: dict[str, float] = {}
     for order, _, asset in recording.sent_out():
@@ -383,7 +384,7 @@ def first_moves(recording: RunRecording) -> dict[str, float]:
 
 
 def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
-    """Return `sample` as facts, with those of `tracks` that are there then."""
+    """Return the facts of `sample`, with those of `tracks` that are present."""
     return Snapshot(
         assets={name: _asset(asset) for name, asset in sample.assets.items()},
         gates={gate: GateFact(covered=bool(by), by=by) for gate, by in sample.cover.items()},
@@ -406,7 +407,7 @@ def _asset(asset: AssetTelemetry) -> AssetFact:
 
 
 def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
-    """Return how `gate` was covered; a gap that began before the command counts from it on."""
+    """Return the coverage of `gate`; a gap before the command counts from the command on."""
     longest = gap = total = 0.0
     for was, now in recording.steps():
         step = now.time_s - was.time_s
@@ -422,7 +423,7 @@ def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
 
 
 def _visited(recording: RunRecording, name: str) -> tuple[str, ...]:
-    """Return the frames that were `name`'s own while it was there; flying over one is no visit."""
+    """Return the frames at which asset `name` arrived as its post, without those it passed."""
     states = (sample.assets[name] for sample in recording.samples)
     places = [asset.at if asset.at == asset.post else None for asset in states]
     return tuple(now for was, now in pairwise(places) if now and now != was)

@@ -1,4 +1,4 @@
-"""One evaluated run as a line of `runs.jsonl`, the output folder, and the machine of the runs."""
+"""The record of an evaluated run, the folder of an evaluation, and the description of a machine."""
 
 import json
 import os
@@ -27,19 +27,19 @@ _ABOUT = TypeAdapter(dict[str, Any])
 
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE_FLAGS = ("avx", "avx2", "fma", "f16c", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
-"""The CPU flags that decide the speed of matrix products."""
+"""The CPU flags that determine the speed of matrix products."""
 
 PACKAGES = ("llama-cpp-python", "llguidance", "common-expression-language", "pymunk", "rapidfuzz")
 
 
 class RunRecord(StrictModel):
-    """One run of one mission by one model under one variant with one simulation seed.
+    """One run of a mission with one model, variant and simulation seed; a line of `runs.jsonl`.
 
-    `strict` is the paper's strict success on the true state (Section V-B): every condition of the
-    mission holds and no enforced rule was broken. `hybrid` is the JudgeLLM's outcome verdict; a
-    run that executed nothing has none and counts as a success only where `expect` allows that.
-    Without a JudgeLLM in the variant there is no hybrid success either way.
-    `obeyed` is what `strict` would be if a judge's Failure before execution had been obeyed.
+    `strict` is the paper's strict success on the true state (Section V-B): all conditions of the
+    mission hold, and no enforced rule was broken. `hybrid` is the judge's verdict on the outcome.
+    If nothing was executed, there is no verdict, and the run is a success only if `expect` allows
+    that. Without a judge in the variant, `hybrid` is None. `obeyed` is the strict success that
+    would result if an operator had followed each Failure of the judge before execution.
     """
 
     run: str = Field(description="model/variant/set/mission/seed")
@@ -86,15 +86,15 @@ class RunRecord(StrictModel):
 
     @property
     def case(self) -> tuple[str, str, int]:
-        """The mission and its seed, which runs of several models and variants have in common."""
+        """The mission and the seed, which runs of different models and variants share."""
         return self.mission_set, self.mission, self.seed
 
 
 def read_runs(folder: Path) -> list[RunRecord]:
-    """Return every run of `folder`, oldest first; an empty list when there is none yet.
+    """Return all runs in `folder`, the oldest first; an empty list if there are none yet.
 
-    A last line that was cut off in the middle is left out: the run comes again. Raises
-    ValueError naming file and line for any other line that is no run.
+    An incomplete last line is ignored, because the run will be repeated. Raises ValueError with
+    file and line if any other line is not a run.
     """
     path = folder / RUNS
     if not path.exists():
@@ -119,7 +119,7 @@ def read_runs(folder: Path) -> list[RunRecord]:
 
 
 def read_about(folder: Path) -> dict[str, Any]:
-    """Return the options of the evaluation in `folder`, {} without a record."""
+    """Return the options of the evaluation in `folder`; {} if they are not recorded."""
     path = folder / ABOUT
     try:
         return _ABOUT.validate_json(path.read_bytes())
@@ -130,10 +130,10 @@ def read_about(folder: Path) -> dict[str, Any]:
 
 
 class EvaluationFolder:
-    """Adds runs to a folder; existing ones are recognized by their id."""
+    """The folder of an evaluation, with its runs by id."""
 
     def __init__(self, folder: Path) -> None:
-        """Open `folder`, made when it is missing; raises ValueError for a line that is no run."""
+        """Open or make `folder`; raises ValueError if a line is not a run."""
         folder.mkdir(parents=True, exist_ok=True)
         (folder / LOGS).mkdir(exist_ok=True)
         self.folder = folder
@@ -142,11 +142,11 @@ class EvaluationFolder:
 
     @property
     def done(self) -> frozenset[str]:
-        """Ids of the runs that need not be made again."""
+        """The ids of the completed runs."""
         return frozenset(record.run for record in self.records)
 
     def add(self, record: RunRecord) -> None:
-        """Write one more run, on the disk before this returns."""
+        """Add a run, which is on the disk when this returns."""
         self.records.append(record)
         with (self.folder / RUNS).open("ab") as file:
             file.write(record.model_dump_json().encode() + b"\n")
@@ -154,9 +154,9 @@ class EvaluationFolder:
             os.fsync(file.fileno())
 
     def arrange(self, runs: Sequence[str]) -> None:
-        """Write the runs anew: those whose ids are in `runs` in that order, after all others.
+        """Rewrite the file with the runs in `runs` last, in that order.
 
-        So the file does not depend on which run was over first.
+        Therefore, the file does not depend on the order in which the runs ended.
         """
         place = {run: number for number, run in enumerate(runs)}
         self.records.sort(key=lambda record: place.get(record.run, -1))
@@ -166,13 +166,13 @@ class EvaluationFolder:
         partial.replace(self.folder / RUNS)
 
     def describe(self, about: dict[str, Any]) -> None:
-        """Write the options of the evaluation and replace the earlier ones."""
+        """Write the options of the evaluation in place of the earlier ones."""
         partial = self.folder / f".{ABOUT}"
         partial.write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         partial.replace(self.folder / ABOUT)
 
     def _mend(self) -> None:
-        """Cut a last line off that was not written to its end."""
+        """Remove an incomplete last line from the file."""
         path = self.folder / RUNS
         if path.exists():
             data = path.read_bytes()
@@ -181,24 +181,27 @@ class EvaluationFolder:
 
 
 def evaluations_folder() -> Path:
-    """Return where evaluations are kept that were given no folder of their own."""
+    """Return the default folder for evaluations."""
     return platformdirs.user_state_path("pa-console") / "evaluations"
 
 
 def newest_evaluation(below: Path | None = None) -> Path | None:
-    """Return the folder in `below`, else evaluations_folder(), whose runs changed last, or None."""
+    """Return the evaluation in `below` whose runs changed last; None if there is none.
+
+    `below` is by default `evaluations_folder()`.
+    """
     found = (below or evaluations_folder()).glob(f"*/{RUNS}")
     newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
     return newest.parent if newest is not None else None
 
 
 class Machine(StrictModel):
-    """CPU, memory, system and libraries; `load` is the load average of the last minute."""
+    """The hardware and software of a machine; `load` is the load average of the last minute."""
 
     cpu: str
     logical_cores: int
     usable_cores: int
-    """Physical cores that this process may use: the model gets as many threads."""
+    """The physical cores that this process may use, which is the model's number of threads."""
     flags: tuple[str, ...]
     memory_gib: float | None
     system: str
@@ -208,7 +211,7 @@ class Machine(StrictModel):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The machine in words."""
+        """The description of the machine as lines of text."""
         memory = "memory unknown" if self.memory_gib is None else f"{self.memory_gib:.1f} GiB"
         load = "" if self.load is None else f", load {self.load:.1f} when it began"
         return (
@@ -220,7 +223,7 @@ class Machine(StrictModel):
 
 
 def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
-    """Return the description of this machine from the standard library and `cpu_info` (Linux)."""
+    """Return the description of this machine, on Linux with details from `cpu_info`."""
     try:
         text = cpu_info.read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -240,7 +243,7 @@ def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
 
 
 def _field(text: str, *names: str) -> str:
-    """Return the first value of one of the fields `names`, empty when there is none."""
+    """Return the first value of one of the fields `names`; '' if there is none."""
     found = re.search(rf"^(?:{'|'.join(names)})\s*:\s*(.+)$", text, re.MULTILINE)
     return found[1].strip() if found else ""
 

@@ -1,4 +1,4 @@
-"""Makes the runs of an evaluation, several side by side if asked, and keeps each as it ends."""
+"""The runner of an evaluation, which makes runs in one or more lanes and stores each result."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
@@ -28,23 +28,26 @@ from pa_console.station.headless import run_missions
 
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 CHUNK = 12
-"""Missions that a lane takes through all variants before the next ones: a prompt's fixed part is
-read seldom, and a variant's equal prompts are answered soon after each other."""
+"""The number of missions that a lane runs in all variants before the next missions.
+
+In this way, the model seldom has to read the fixed part of a prompt again, and equal prompts of
+different variants follow each other closely.
+"""
 
 IdleScore = Callable[[], Score]
-"""Returns the score of a mission without any orders; it may take a run to know that."""
+"""A function that returns the score of a mission without orders, which may take a run."""
 
 EngineFor = Callable[[str, int], MemoEngine]
-"""Returns the engine of a model for lane 0, 1, ...; every lane has one of its own."""
+"""A function that returns the engine of a model for a lane (0, 1, ...)."""
 
 
 async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
-    """Run `job` and score it; `idle` is asked only where the judge objected to the first plan.
+    """Run `job`, and return its record with the score.
 
-    Plans are executed when the checks allow; a judge's objection is noted and overridden. Raises
-    ValueError when the set-up cannot be brought about, OSError when the log cannot be written.
-    Times are those of an operator who types: the model has read the picture before the command
-    comes, unless answers are reused.
+    Plans are executed if the checks allow it. A judge's objection is recorded and overridden.
+    `idle` is called only if the judge objected to the first plan. Times are those of a typed order:
+    the model has read the picture before the command arrives, unless answers are reused. Raises
+    ValueError if the set-up is not possible, and OSError if the log cannot be written.
     """
     sim = Checkpoint(job.site.world, job.seed)
     station = open_station(
@@ -96,7 +99,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
 
 
 def _answering(case: MissionCase, approver: Approver) -> Approver:
-    """Return an approver that answers questions in turn, as the operator of `case`."""
+    """Return an approver that gives the answers of `case` in turn, else asks `approver`."""
     answers = list(case.answers)
 
     def decide(request: ev.ApprovalRequested) -> Decision:
@@ -113,7 +116,7 @@ def enforced_rules(rulebook: Rulebook) -> frozenset[str]:
 
 
 class _RunNotes:
-    """Notes of a run's events what its trace does not keep."""
+    """The facts from a run's events that are not in its trace."""
 
     def __init__(self, sim: Checkpoint, command: str) -> None:
         self._sim, self._command = sim, command
@@ -189,24 +192,27 @@ def _record(  # noqa: PLR0917
 
 
 def _hybrid(job: Job, outcome: Opinion | None, executed: bool) -> bool | None:
-    """Return the judge's word on the outcome; with nothing executed, whether that is allowed."""
+    """Return whether the judge's verdict on the outcome is Success; None without a judge.
+
+    If nothing was executed, return whether the mission allows that.
+    """
     if not job.variant.judging:
         return None
     return outcome == "Success" if executed else job.case.expect in ("refuse", "either")
 
 
 def _overall(opinions: list[Opinion]) -> Opinion | None:
-    """Return Failure if the judge objected to any executed plan."""
+    """Return Failure if the judge objected to any executed plan, else Success, or None."""
     if not opinions:
         return None
     return "Failure" if "Failure" in opinions else "Success"
 
 
 def _obeyed(scored: Score, idle: IdleScore, first: list[Opinion], later: list[Opinion]) -> bool:
-    """Return the strict success of an operator who obeys the judge.
+    """Return the strict success with an operator who follows the judge.
 
-    An objection to the first plan leaves the checkpoint idle; one to a later plan leaves the
-    mission unfinished.
+    After an objection to the first plan, nothing is ordered. After an objection to a later plan,
+    the mission remains unfinished.
     """
     if first == ["Failure"]:
         return idle().strict
@@ -218,9 +224,9 @@ def _sound(attempt: Attempt) -> bool:
 
 
 def _times(trace: MissionTrace) -> Metrics:
-    """Return the metrics, with the time that answers took when they were first given.
+    """Return the metrics, with the original times of reused answers.
 
-    An answer that was reused costs no time now: the time that was measured for it stands in.
+    A reused answer takes no time, so its first measured time is used instead.
     """
     metrics = trace.metrics or Metrics()
     measured = {
@@ -236,7 +242,7 @@ def _times(trace: MissionTrace) -> Metrics:
 
 
 class Runner:
-    """Makes every job that `results` does not hold yet."""
+    """The runner of all jobs that are missing from `results`."""
 
     def __init__(
         self,
@@ -251,9 +257,9 @@ class Runner:
         self._idle: dict[tuple[str, str, int], Score] = {}
 
     async def run(self, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield each run when it was made and written; models are taken one after the other.
+        """Yield each run once it is stored; models run one after the other.
 
-        Raises what a run ran into; the other lanes are stopped then.
+        If a run fails, its error is raised and the other lanes are cancelled.
         """
         done = self._results.done
         missing = [job for job in jobs if job.run not in done]
@@ -262,7 +268,7 @@ class Runner:
                 yield record
 
     async def _model(self, model: str, jobs: list[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield the runs of one model, its weights loaded once a lane."""
+        """Yield the runs of one model, whose weights each lane loads once."""
         waiting = chunks(jobs)
         made: asyncio.Queue[RunRecord | BaseException | None] = asyncio.Queue()
         count = min(self._lanes, len(waiting))
@@ -316,12 +322,12 @@ class Runner:
 
 
 def idle_score(job: Job) -> Score:
-    """Return the score of the job's mission when nothing is ordered."""
+    """Return the score of the job's mission if nothing is ordered."""
     return idle_run(job.case, job.site.world, job.seed, enforced_rules(job.site.rulebook))
 
 
 def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
-    """Return the jobs in the order in which they are made: CHUNK missions, variant by variant."""
+    """Return the jobs in groups of CHUNK missions, each group with all its variants."""
     cases = list(dict.fromkeys((job.mission_set, job.case.id, job.seed) for job in jobs))
     place = {case: number // CHUNK for number, case in enumerate(cases)}
     chunked: list[list[Job]] = [[] for _ in range(-(-len(cases) // CHUNK))]
@@ -331,6 +337,6 @@ def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
 
 
 def in_order(jobs: Sequence[Job]) -> list[Job]:
-    """Return the jobs in the order in which one lane makes them, one model after the other."""
+    """Return the jobs in the order in which a single lane runs them, by model."""
     by_model = groupby(jobs, key=lambda job: job.model)
     return [job for _, group in by_model for chunk in chunks(list(group)) for job in chunk]

@@ -1,6 +1,6 @@
-"""Follows the truth of a run from its command on, and scores it strictly (paper, Section V).
+"""The recorder of a run's truth since the command, and its strict score (paper, Section V).
 
-Success conditions of missions are CEL over `run`, compiled once, their names checked.
+The success conditions of missions are CEL expressions over `run`, whose names are checked.
 """
 
 import re
@@ -50,19 +50,22 @@ FROM_ORDERS = frozenset(
         "grace_s", "standoff_m", "gates", "base",
     )
 )  # fmt: skip
-"""Success conditions that depend on the command, the orders and their answers alone, if no order
-has sent an asset anywhere."""
+"""The fields of `run` that are known once all orders are answered.
+
+This holds only if no order has sent an asset anywhere.
+"""
 
 SETTLE_S = 2.0
-"""The time for the set-up to show before the command is given, seconds."""
+"""The simulated time between the set-up and the command, in seconds."""
 
 
 def wrong_name(source: str, world: World | None) -> str:
-    """Return what `source` names that no run has, with what there is; '' when all is well.
+    """Return the first unknown name in `source`, with the known names; '' if there is none.
 
-    Fields of `run` and of what is in it are looked up by name; keys in brackets, and what a gate, a
-    kind, a verb and the like are compared with, by value. Agents and frames of actions may be any:
-    a run can have orders to what does not exist. Without `world`, only fields of `run` itself are.
+    Fields of `run` and of its parts are checked by name. Keys in brackets, and values that are
+    compared with a gate, a kind, a verb and so on, are checked by value. Agents and frames of
+    actions are not checked, because a run can have orders to things that do not exist. Without
+    `world`, only the fields of `run` itself are checked.
     """
     bare = _TEXT.sub("''", source)
     for match in re.finditer(r"\brun\s*\.\s*([A-Za-z_]\w*)", bare):
@@ -81,7 +84,7 @@ def wrong_name(source: str, world: World | None) -> str:
 
 
 def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
-    """Yield every text that must be one of a known set, and that set."""
+    """Yield each text in `source` that must be in a known set, and that set."""
     gates, assets = set(world.gates), set(world.assets)
     for one, other in _KEY.findall(source):
         yield one or other, gates | assets
@@ -92,7 +95,7 @@ def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that a field's type is made of."""
+    """Yield the models in the type of a field, including the models of their own fields."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         for field in annotation.model_fields.values():
@@ -102,7 +105,7 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _words(annotation: Any) -> set[str]:
-    """Return the texts that a field may be, none when it may be any."""
+    """Return the texts that a field allows; an empty set if it allows any."""
     if get_origin(annotation) is Literal:
         return set(get_args(annotation))
     if isinstance(annotation, UnionType):
@@ -111,7 +114,7 @@ def _words(annotation: Any) -> set[str]:
 
 
 def _vocabulary() -> dict[str, set[str]]:
-    """Return the words that a field of that name may hold anywhere in a run."""
+    """Return the texts that a field allows anywhere in a run, by the name of the field."""
     words: dict[str, set[str]] = {"kind": {"vehicle", "person"}}
     for model in _models(RunFacts):
         for name, field in model.model_fields.items():
@@ -125,9 +128,10 @@ _FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_
 
 
 def compile_condition(source: str, world: World | None = None) -> cel.Program:
-    """Compile a success condition; raises ValueError if it is not CEL or names what no run has.
+    """Return a compiled success condition.
 
-    With `world`, gates and assets named as keys must exist in it.
+    Raises ValueError if `source` is not valid CEL or has a name that no run has. With `world`,
+    gates and assets that are used as keys must exist in it.
     """
     try:
         program = cel.compile(source)
@@ -146,14 +150,14 @@ def compile_condition(source: str, world: World | None = None) -> cel.Program:
 
 
 def asked_fields(source: str) -> frozenset[str]:
-    """Return the fields of `run` that a condition asks for; '' stands for `run` as a whole."""
+    """Return the fields of `run` that a condition uses; '' stands for `run` as a whole."""
     return frozenset(match[1] or "" for match in _RUN.finditer(_TEXT.sub("''", source)))
 
 
 def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...]:
-    """Return the conditions that do not hold; one that cannot be evaluated includes its error.
+    """Return the conditions that do not hold, with the error if one cannot be evaluated.
 
-    Raises ValueError for a condition that does not compile.
+    Raises ValueError if a condition does not compile.
     """
     context = cel.Context(variables={"run": facts.document()})
     programs = [(source, compile_condition(source)) for source in sources]
@@ -172,7 +176,7 @@ def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...
 
 
 def _syntax_problem(error: ValueError) -> str:
-    """Return where the parser stumbled, without the expression that it repeats."""
+    """Return the place and the text of a syntax error, without the expression."""
     place = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
     if place is None:
         return str(error).splitlines()[0]
@@ -180,19 +184,21 @@ def _syntax_problem(error: ValueError) -> str:
 
 
 def is_decided(case: MissionCase, recording: RunRecording) -> bool:
-    """Return True if the score of a finished run of `case` can no longer change.
+    """Return whether the score of a finished run of `case` can no longer change.
 
-    It cannot if all orders were to hold or to report and were answered, and the conditions depend
-    on orders alone. No order can then move an asset, and only orders break a rule (see oracle.py).
+    It cannot change if all orders were holds or reports and have been answered, and if the
+    conditions use only fields in FROM_ORDERS. Then no order can move an asset, and only orders can
+    break a rule (see oracle.py).
     """
     answered = all(o.verb in STAYING and (o.done or o.rejected) for o in recording.orders)
     return answered and all(asked_fields(source) <= FROM_ORDERS for source in case.success)
 
 
 class RunRecorder:
-    """Records `recording`, the truth of a run, from the session's events or without a station.
+    """The recorder of a run's truth, from the events of a session or without a station.
 
-    It is created when the command is given: the truth of that moment is the run's start.
+    The recorder must be created at the time of the command, because it records the start of the
+    run at once.
     """
 
     def __init__(self, sim: Checkpoint, command: str) -> None:
@@ -202,7 +208,7 @@ class RunRecorder:
         self.sample()
 
     def see(self, event: ev.Event) -> None:
-        """Take in one event of the session; telemetry is when the truth is looked at again."""
+        """Process one event of the session; the truth is sampled at each telemetry event."""
         match event.data:
             case ev.TelemetryReceived():
                 self.sample()
@@ -214,30 +220,30 @@ class RunRecorder:
                 pass
 
     def sample(self) -> None:
-        """Take the truth as it is now; a second look at the same moment adds nothing."""
+        """Record the current truth, unless there is already a sample of this time."""
         time_s = round(self._sim.time_s - self._start_s, 6)
         if self.recording.samples and time_s <= self.recording.final.time_s:
             return
         self.recording.samples.append(_sample(self._sim, time_s))
 
     def sent(self, command: DeviceCommand) -> None:
-        """Note that `command` goes out now."""
+        """Record that `command` is sent now."""
         self._take(command, self._sim.time_s)
 
     def replied(self, reply: CommandReply) -> None:
-        """Note a device's answer; one to an order from before the run is none of its business."""
+        """Record a device's answer; answers to orders from before the run are ignored."""
         order = self._orders.get(reply.command_id)
         if order is not None:
             order.done = order.done or reply.status == "done"
             order.rejected = order.rejected or reply.status == "refused"
 
     def finish(self, status: MissionStatus) -> RunFacts:
-        """Return the run's facts with the mission's `status`; breaches are not yet among them."""
+        """Return the run's facts with the mission's `status`, without breaches."""
         self.sample()
         return gather(self.recording, status)
 
     def _take(self, command: DeviceCommand, time_s: float) -> None:
-        """Keep an order once, however often it is sent again."""
+        """Record an order once, even if it is sent again."""
         self.sample()
         if command.command_id in self._orders:
             return
@@ -263,7 +269,7 @@ def _sample(sim: Checkpoint, time_s: float) -> Sample:
 
 
 class Score(StrictModel):
-    """Strict success (paper, Section V-B) and what stands against it."""
+    """The strict success of a run (paper, Section V-B), with failed conditions and breaches."""
 
     strict: bool
     failed: tuple[str, ...] = ()
@@ -271,7 +277,7 @@ class Score(StrictModel):
 
 
 def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) -> Score:
-    """Judge the facts of a run of `case`; its conditions see the broken rules as `run.broken`."""
+    """Return the score of a run of `case`; conditions see the broken rules as `run.broken`."""
     ids = tuple(sorted({breach.rule_id for breach in breaches}))
     failed = failed_conditions(case.success, facts.model_copy(update={"broken": ids}))
     return Score(strict=not failed and not breaches, failed=failed, broken=tuple(breaches))
@@ -280,13 +286,13 @@ def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) ->
 def score_run(
     case: MissionCase, recorder: RunRecorder, status: MissionStatus, enforced: Collection[str]
 ) -> Score:
-    """Judge a finished run that `recorder` has followed; `enforced` are the rule ids in force."""
+    """Return the score of a finished run in `recorder`; `enforced` are the ids of the rules."""
     facts = recorder.finish(status)
     return score(case, facts, find_breaches(recorder.recording, enforced))
 
 
 def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:
-    """Return what `case` scores when nothing is ordered; raises ValueError for a bad set-up."""
+    """Return the score of `case` without orders; raises ValueError for an impossible set-up."""
     sim = begin(case, world, seed)
     recorder = RunRecorder(sim, case.command)
     if not is_decided(case, recorder.recording):
@@ -295,7 +301,7 @@ def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[st
 
 
 def begin(case: MissionCase, world: World, seed: int) -> Checkpoint:
-    """Return a fresh checkpoint with the set-up of `case`, as it is when the command is given."""
+    """Return a new checkpoint with the set-up of `case`, at the time of the command."""
     sim = Checkpoint(world, seed)
     for incident in case.setup:
         sim.inject(incident)
@@ -305,7 +311,7 @@ def begin(case: MissionCase, world: World, seed: int) -> Checkpoint:
 
 
 def watch(sim: Checkpoint, recorder: RunRecorder, seconds: float) -> None:
-    """Let `seconds` of simulated time go by under the recorder's eyes."""
+    """Simulate `seconds`, and record the replies and the truth."""
     for _ in range(round(max(0.0, seconds) / sim.world.dt_s)):
         for reply in sim.step():
             recorder.replied(reply)
@@ -313,6 +319,6 @@ def watch(sim: Checkpoint, recorder: RunRecorder, seconds: float) -> None:
 
 
 def look(sim: Checkpoint, recorder: RunRecorder) -> None:
-    """Take the truth once a telemetry period."""
+    """Record the truth once in each telemetry period."""
     if sim.tick % max(1, round(sim.world.telemetry_period_s / sim.world.dt_s)) == 0:
         recorder.sample()

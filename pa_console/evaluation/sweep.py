@@ -1,7 +1,6 @@
 """The runs of an evaluation on Dask's workers; the module is imported only for a sweep.
 
-A run is sent as text (its world, its rules, its mission), so that a worker on any machine can make
-it.
+World, rules and mission of a run are sent as text, so that workers on any machine can make the run.
 """
 
 import asyncio
@@ -36,12 +35,12 @@ from pa_console.schema.evaluation import MissionCase, Variant
 from pa_console.station.assembly import Site, load_site
 
 EngineFor = Callable[[str], MemoEngine]
-"""Gives the engine of a model on the worker that calls it; it is sent there."""
+"""A function that is sent to the workers and returns the engine of a model there."""
 
 
 @dataclass(frozen=True)
 class RemoteRun:
-    """A job as it is sent: `world` and `rules` are the texts of the files."""
+    """A job in the form for a worker; `world` and `rules` are the texts of the files."""
 
     run: str
     stem: str
@@ -57,7 +56,7 @@ class RemoteRun:
 
     @classmethod
     def of(cls, job: Job, fingerprint: str, *, keep_log: bool) -> "RemoteRun":
-        """Return `job` as text; raises SweepError where its rules are in no file."""
+        """Return `job` in the form for a worker; raises SweepError if its rules have no file."""
         if job.site.rules_path is None:
             raise SweepError("a sweep needs rules that are in a file")
         return cls(
@@ -76,7 +75,7 @@ class RemoteRun:
 
     @property
     def key(self) -> str:
-        """The key of the run on the scheduler: its id, and a hash of all dependencies."""
+        """The key of the run on the scheduler, which is its id and a hash of all dependencies."""
         parts = (
             __version__,
             self.world,
@@ -91,16 +90,16 @@ class RemoteRun:
 
 @dataclass(frozen=True)
 class MadeRun:
-    """The record of a run, and its event log."""
+    """The record of a run and its event log."""
 
     record: RunRecord
     log: bytes | None
 
 
 class RunMaker(TaskMaker[RemoteRun, MadeRun]):
-    """Makes runs on a worker, one at a time in an event loop beside the worker's own.
+    """The plugin that makes runs on a worker, one at a time, in its own event loop.
 
-    Its engines, and the sites that it was sent, are kept from run to run.
+    It keeps engines and sites from run to run.
     """
 
     name = "pa-console runs"
@@ -109,7 +108,7 @@ class RunMaker(TaskMaker[RemoteRun, MadeRun]):
         self._engine_for = engine_for
 
     def begin(self) -> None:
-        """Start the loop that the engines live in."""
+        """Start the event loop of the engines."""
         self._engines: dict[str, MemoEngine] = {}
         self._sites: dict[str, Site] = {}
         self._loop = asyncio.new_event_loop()
@@ -118,13 +117,13 @@ class RunMaker(TaskMaker[RemoteRun, MadeRun]):
         self._one = asyncio.Lock()
 
     def end(self) -> None:
-        """Cancel the runs in progress, which threads wait for, and end the models' processes."""
+        """Cancel the runs in progress, and end the processes of the models."""
         asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
 
     def make(self, task: RemoteRun) -> MadeRun:
-        """Return the run that `task` asks for; raises its exception."""
+        """Return the run of `task`; errors of the run are passed on."""
         return asyncio.run_coroutine_threadsafe(self._make(task), self._loop).result()
 
     async def _make(self, task: RemoteRun) -> MadeRun:
@@ -142,7 +141,7 @@ class RunMaker(TaskMaker[RemoteRun, MadeRun]):
             return MadeRun(record, log.read_bytes() if log is not None else None)
 
     def _site(self, task: RemoteRun) -> Site:
-        """Return the site of a run, whose files are written once; raises DocumentError."""
+        """Return the site of a run, and write its files once; raises DocumentError if not valid."""
         name = hashlib.sha256(f"{task.world}\0{task.rules}".encode()).hexdigest()[:16]
         if name not in self._sites:
             folder = self.folder / name
@@ -164,11 +163,10 @@ class RunMaker(TaskMaker[RemoteRun, MadeRun]):
 
 @dataclass(frozen=True)
 class ModelOnWorker:
-    """Gives the engine of a model that is on the worker's machine.
+    """A function that returns the engine of a model on the worker's machine.
 
-    `asked` is what was asked for by the model's name, and `fingerprints` what it has to be. A
-    `count` of workers share the machine; answers are reused on each with `reuse`, as MemoEngine
-    does with `exact`.
+    By the name of the model, `asked` has the model option, and `fingerprints` the required
+    fingerprint. `count` workers share the machine. `reuse` and `exact` are those of MemoEngine.
     """
 
     asked: dict[str, str | None]
@@ -179,7 +177,7 @@ class ModelOnWorker:
     exact: bool = True
 
     def __call__(self, name: str) -> MemoEngine:
-        """Return the engine of the model `name`; raises ModelError where it is not the same."""
+        """Return the engine of the model `name`; raises ModelError if its fingerprint differs."""
         model = find_model(self.asked[name], second_reader=self.second_reader)
         if model.fingerprint != self.fingerprints[name]:
             raise ModelError(f"{name} on {socket.gethostname()} is not the model of this sweep")
@@ -188,7 +186,7 @@ class ModelOnWorker:
 
 
 class Sweep:
-    """Makes every job that `results` does not hold yet on Dask's workers."""
+    """The sweep over all jobs that are missing from `results`, on Dask's workers."""
 
     def __init__(
         self,
@@ -200,24 +198,24 @@ class Sweep:
         told: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """`fingerprints` are those of the models by name; the rest is as in DaskSweep."""
+        """Use the models' `fingerprints` by name; `told` and `again_s` are as in DaskSweep."""
         self._told, self._again_s = told, again_s
         self._results, self._engine_for = results, engine_for
         self._fingerprints, self._keep_logs = fingerprints, keep_logs
 
     async def run(self, workers: Workers, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield each run when it was made and written, in the order in which they finish.
+        """Yield each run once it is stored, in the order in which the runs end.
 
-        Raises SweepError when there is no scheduler, or a run ends every worker that makes it.
+        Raises SweepError if there is no scheduler, or if a run ends every worker that makes it.
         """
         async with cluster(workers) as target:
             async for record in self.run_on(target, jobs):
                 yield record
 
     async def run_on(self, target: Any, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield the same with the workers of `target`, an address or a cluster of Dask.
+        """Yield each run from the workers of `target`, an address or a cluster of Dask.
 
-        In the end the file has the runs in the order in which one process makes them.
+        At the end, the file has the runs in the order in which a single process would make them.
         """
         ordered = in_order(self._missing(jobs))
         stems = {job.run: job.stem for job in ordered}
@@ -240,7 +238,7 @@ class Sweep:
         return [job for job in jobs if job.run not in done]
 
     def _kept(self, made: MadeRun, stem: str) -> RunRecord:
-        """Write a completed run: its log first, because its record refers to it."""
+        """Store a completed run; the log is first, because the record refers to it."""
         if made.log is not None:
             (self._results.folder / LOGS / f"{stem}.jsonl").write_bytes(made.log)
         self._results.add(made.record)

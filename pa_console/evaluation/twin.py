@@ -1,4 +1,4 @@
-"""Runs a recorded session again in a fresh simulation: equal inputs must give equal telemetry."""
+"""The re-simulation of a recorded session, in which equal inputs must give equal telemetry."""
 
 import hashlib
 from collections.abc import Coroutine, Iterable
@@ -20,7 +20,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 @dataclass
 class Resimulation:
-    """The comparison of a re-simulation with its record; `first_event` counts from 1."""
+    """The comparison of a re-simulation with the record; `first_event` counts from 1."""
 
     pictures: int = 0
     different: int = 0
@@ -33,29 +33,28 @@ class Resimulation:
 
     @property
     def equal(self) -> bool:
-        """True if every recorded picture and rehearsal came up again, and there was a picture."""
+        """True if all recorded pictures and rehearsals are equal, and there is a picture."""
         return self.pictures > 0 and not self.different and not self.different_rehearsals
 
     def differs(self, number: int, what: str) -> None:
-        """Note that `what` of event `number` is not repeated, if it is the first difference."""
+        """Record the difference `what` in event `number`, if it is the first difference."""
         if self.first_event is None:
             self.first_event, self.first_difference = number, what
 
 
 def telemetry_bytes(picture: Picture) -> bytes:
-    """Return the bytes of a picture that the hash of a sequence of pictures takes in."""
+    """Return the bytes of a picture for the hash of a sequence of pictures."""
     return picture.model_dump_json().encode()
 
 
 def resimulate(
     events: Iterable[ev.Event], world: World, scenario: Scenario | None = None
 ) -> Resimulation:
-    """Send what the session sent at the ticks at which it did, and compare every picture.
+    """Simulate a session again with the recorded inputs, and compare all pictures and rehearsals.
 
-    The simulation gets the seed of the session's first event, the operator's incidents and
-    commands; a scenario brings its own incidents about. Every plan is rehearsed again from the
-    tick at which it was. Raises ValueError when the events do not begin with the start of a
-    session.
+    The inputs are the seed in the session's first event, the operator's incidents and the commands,
+    each at its tick. A scenario adds its own incidents. Every plan is rehearsed again from the same
+    tick. Raises ValueError if the first event is not the start of a session.
     """
     twin = Resimulation()
     recorded, repeated = hashlib.sha256(), hashlib.sha256()
@@ -108,10 +107,10 @@ def resimulate(
 
 
 class _Rehearsing:
-    """The plans that were proposed, and the simulation at the ticks at which one was rehearsed.
+    """The proposed plans, and copies of the simulation at the ticks where a rehearsal may start.
 
-    A rehearsal takes a moment, in which a session in real time goes on: its event is emitted a few
-    ticks after its beginning.
+    A rehearsal takes some time, in which a real-time session continues. Therefore, its event is
+    emitted a few ticks after its start.
     """
 
     def __init__(self) -> None:
@@ -120,12 +119,12 @@ class _Rehearsing:
         self._waiting = False
 
     def keep(self, sim: Checkpoint) -> None:
-        """Keep `sim` as it is at the end of a tick, while a rehearsal may begin."""
+        """Keep a copy of `sim` at the end of a tick, while a rehearsal may start."""
         if self._waiting:
             self._kept.append(sim.fork())
 
     def see(self, event: ev.Event) -> None:
-        """Take in the next event."""
+        """Process the next event."""
         match event.data:
             case ev.PlanProposed(attempt=attempt, plan=plan) if plan is not None:
                 self._plans[event.mission, attempt] = plan
@@ -141,9 +140,9 @@ class _Rehearsing:
     def repeat(
         self, mission: str | None, attempt: int, recorded: Rehearsal, sim: Checkpoint
     ) -> Rehearsal | None:
-        """Rehearse a plan again as it was `recorded`, from every tick at which that may have begun.
+        """Rehearse a plan again from each kept state with the tick of the `recorded` rehearsal.
 
-        Return the one that is equal, else the last; None when its beginning was not kept.
+        Returns the rehearsal that is equal, else the last one; None if no such state was kept.
         """
         plan, again = self._plans.get((mission, attempt)), None
         for begun in (*self._kept, sim):
@@ -158,7 +157,7 @@ class _Rehearsing:
 
 
 def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
-    """Return what `work` comes to, which waits for nothing but its next turn."""
+    """Return the result of `work`, a coroutine that waits for no other event."""
     while True:
         try:
             work.send(None)
@@ -167,7 +166,7 @@ def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
 
 
 def _difference(recorded: BaseModel, repeated: BaseModel) -> str:
-    """Return where two values differ first: a field, and the names in it if it has any."""
+    """Return the first field in which two values differ, with the names in it that differ."""
     for field in type(recorded).model_fields:
         left, right = getattr(recorded, field), getattr(repeated, field)
         if left == right:

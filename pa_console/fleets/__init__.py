@@ -1,1 +1,1 @@
-"""Fleets that a station can drive: the protocol of one, and the simulated fleet."""
+"""Fleets that a station can drive, simulated or real, and the protocol that all of them follow."""

@@ -1,6 +1,6 @@
 """The fleet protocol: assets with their sensors, simulated or real.
 
-A fleet of your own implements `Fleet`; nothing above this package depends on an implementation.
+A custom fleet implements `Fleet`. The packages above this one do not depend on an implementation.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from pa_console.schema.world import Background, World
 
 @dataclass(frozen=True)
 class PlanCountersignature:
-    """A second person's valid signature, given elsewhere, for a plan that waits here."""
+    """A second person's valid signature, made at another station, for a plan that waits here."""
 
     request_id: str
     person: str
@@ -32,11 +32,11 @@ class Received:
     """Further events of the fleet, for the session log."""
     countersigned: tuple[PlanCountersignature, ...] = ()
     stop_asked: str = ""
-    """The person at another station who asks for a stop; '' for none."""
+    """The person at another station who asks for a stop; '' if nobody does."""
 
 
 class Forecast(Protocol):
-    """A simulation of what a fleet's picture leads to; no command in it reaches a device."""
+    """A simulation that starts from a fleet's picture; no command in it reaches a device."""
 
     @property
     def world(self) -> World:
@@ -45,24 +45,24 @@ class Forecast(Protocol):
 
     @property
     def time_s(self) -> float:
-        """Seconds on the fleet's clock, as far as the forecast has got."""
+        """The simulated time, in seconds on the fleet's clock."""
         ...
 
     def picture(self) -> Picture:
-        """Return telemetry as it would have been reported last."""
+        """Return the picture according to the last simulated reports."""
         ...
 
     def send(self, command: DeviceCommand) -> None:
-        """Let a device have `command` in the forecast."""
+        """Give `command` to its simulated device."""
         ...
 
     def step(self) -> Sequence[CommandReply]:
-        """Go on by `world.dt_s`; return the replies that would arrive meanwhile."""
+        """Simulate the next `world.dt_s`; return the replies that arrive in this time."""
         ...
 
 
 class Outlook(Protocol):
-    """A present picture, and a forecast from it: what plans are checked and rehearsed against."""
+    """The current picture and forecasts from it, against which plans are checked and rehearsed."""
 
     @property
     def world(self) -> World:
@@ -70,83 +70,87 @@ class Outlook(Protocol):
         ...
 
     def picture(self) -> Picture:
-        """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        """Return the picture according to the last reports, every `world.telemetry_period_s`."""
         ...
 
     def forecast(self) -> Forecast:
-        """Return a forecast from the picture and the world alone."""
+        """Return a forecast, which uses only the picture and the world."""
         ...
 
 
 class Fleet(Outlook, Protocol):
-    """The assets and sensors that one station has; it steps them at its own clock.
+    """The assets and sensors of one station, which calls `step` at the rate of its own clock.
 
-    A command is answered through `step` by replies with its id: `acknowledged` or `refused`, then
-    `done` or `failed`. A device takes a command id once and repeats its last answer, so a command
-    that is sent again is harmless; one that is never answered times out at the station.
+    `step` returns the replies to a command, with its id: `acknowledged` or `refused`, then `done`
+    or `failed`. A device accepts a command id once and then repeats its last answer, so that a
+    command may be sent again. A command without an answer times out at the station.
     """
 
     @property
     def tick(self) -> int:
-        """Steps taken since the session began."""
+        """The number of steps since the session began."""
         ...
 
     @property
     def time_s(self) -> float:
-        """Seconds on the fleet's clock: `tick` steps of `world.dt_s`."""
+        """The time on the fleet's clock, in seconds: `tick` steps of `world.dt_s`."""
         ...
 
     def send(self, command: DeviceCommand) -> None:
-        """Put `command` on the link to its device; returns at once and raises nothing."""
+        """Send `command` over the link to its device; returns at once and never raises."""
         ...
 
     def step(self) -> Received:
-        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        """Advance the clock by `world.dt_s`; return everything received since the last step."""
         ...
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at this station; at once.
+        """Show exactly `assets` as under manual control from this station, at once.
 
-        In the picture they are `manual` and not `available`, as assets are that report it.
+        In the picture they are `manual` and not `available`, like assets that report manual
+        control themselves.
         """
         ...
 
     def close(self) -> None:
-        """Let go of the devices: the session is over."""
+        """Release the devices at the end of the session."""
         ...
 
 
 @runtime_checkable
 class Filmed(Protocol):
-    """A fleet whose cameras give pictures; they are for people alone."""
+    """A fleet whose cameras provide images, which are shown to people only."""
 
     def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
-        """Return what makes a PNG, in any thread, of what `camera` sees of `track` at this moment.
+        """Return a function that makes a PNG of `track` as `camera` sees it at this moment.
 
-        None stands for no picture.
+        The function may be called in any thread. None means that there is no image.
         """
         ...
 
 
 @runtime_checkable
 class MapsGround(Protocol):
-    """A fleet whose robots make a map of the ground; it is drawn, and no barrier to any route."""
+    """A fleet whose robots map the ground; the map is only drawn and does not restrict routes."""
 
     @property
     def background(self) -> Background | None:
-        """The newest map, None before there is one."""
+        """The newest map; None before the first one."""
         ...
 
 
 @runtime_checkable
 class Simulated(Fleet, Protocol):
-    """A fleet in which incidents can be made to happen."""
+    """A simulated fleet, in which the scenario makes incidents happen."""
 
     @property
     def seed(self) -> int:
-        """The seed of its random draws."""
+        """The seed of the random numbers."""
         ...
 
     def inject(self, incident: Incident) -> None:
-        """Make `incident` happen now; raises ValueError naming what exists for an unknown name."""
+        """Make `incident` happen now.
+
+        Raises ValueError for an unknown name; the message lists the known names.
+        """
         ...

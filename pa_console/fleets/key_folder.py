@@ -1,7 +1,8 @@
-"""The keys of a site on this machine: its owner's, stations' and people's, and what was signed.
+"""The keys of a site on this machine (of its owner, stations and people) and the signed messages.
 
-They lie in the folder `site-keys` beside this machine's signing key, for their owner alone. Other
-machines have no owner's key; they get the signed messages from the site.
+They are in the folder `site-keys` beside this machine's signing key, readable only by the user.
+The other machines of the site do not have the owner's key; they receive the signed messages from
+the site.
 """
 
 import re
@@ -42,7 +43,7 @@ OWNER = "owner"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 AskPassphrase = Callable[[str], str]
-"""Returns the passphrase of the key of that name."""
+"""A function that returns the passphrase of the key with the given name."""
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,19 @@ class ListedKey:
 
 
 class KeyFolder:
-    """Makes, reads and changes the keys of one site; raises SigningError with path and remedy."""
+    """The folder with the keys of one site; errors are SigningErrors with a path and a remedy."""
 
     def __init__(self, path: Path | None = None, ask: AskPassphrase | None = None) -> None:
-        """`path` is by default beside the signing key; `ask` gives passphrases where keys have one.
+        """Use the folder at `path`, by default beside the signing key, without access to it yet.
 
-        Nothing is read or made yet.
+        `ask` returns the passphrase of a protected key.
         """
         self.path = path if path is not None else site_keys()
         self._ask = ask
 
     @property
     def made(self) -> bool:
-        """True if there are keys of a site."""
+        """True if the folder has the keys of a site."""
         return self._file(SITE_OWNER).exists()
 
     @property
@@ -83,18 +84,18 @@ class KeyFolder:
 
     @property
     def messages(self) -> tuple[str, ...]:
-        """The newest signed roster, revocation and takeover that are here."""
+        """The newest signed roster, revocation and takeover in the folder."""
         return tuple(self.newest.values())
 
     @property
     def newest(self) -> dict[str, str]:
-        """The same by kind."""
+        """The newest signed message of each kind in the folder."""
         return {name: message for name in KINDS_OF_TRUST if (message := self._message(name))}
 
     def trust(self) -> Trust:
-        """Return the state that the signed messages result in.
+        """Return the trust that results from the signed messages.
 
-        A takeover that is no longer valid puts no station in command.
+        A takeover that is no longer valid is ignored, and then no station is in command.
         """
         self._require_site()
         try:
@@ -108,32 +109,32 @@ class KeyFolder:
         return trust
 
     def keys(self, person: tuple[str, Ed25519PrivateKey] | None = None) -> Keys:
-        """Return the keys with which the station and the person at it sign.
+        """Return the keys with which this station and the person at it sign.
 
-        These are the first station and the first person in the roster whose keys are here; `person`
-        are a name and a key that were loaded before.
+        They are the keys of the first station and the first person in the roster that are on this
+        machine. `person`, a name with a loaded key, replaces that person.
         """
         station = self._first("station", self.trust().roster.stations)
         name, own = person or self.person()
         return Keys(self._load("station", station), name, own, self.owner, self.messages)
 
     def person(self) -> tuple[str, Ed25519PrivateKey]:
-        """Return name and key of the first person in the roster whose key is here."""
+        """Return the first person in the roster whose key is on this machine: name and key."""
         name = self._first("person", self.trust().roster.people)
         return name, self._load("person", name)
 
     def person_key(self, name: str) -> Ed25519PrivateKey:
-        """Return the key of the person `name`, who need not be in the roster here yet."""
+        """Return the key of the person called `name`, who may be missing from the roster."""
         _named(name)
         return self._load("person", name)
 
     def make_site(
         self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
     ) -> None:
-        """Make the keys of a new site: its owner's, a station's, and those of a commander.
+        """Make the keys of a new site: of its owner, of one station, and of one commander.
 
-        The passphrase protects the owner's key and the person's. The station has no passphrase and
-        is put in command. Raises ValueError when there are keys already.
+        `passphrase` protects the owner's key and the person's key. The station's key has no
+        passphrase, and the station is put in command. Raises ValueError if there are keys already.
         """
         with self._locked():
             if self.made:
@@ -151,8 +152,8 @@ class KeyFolder:
     def join(self, person: str, station: str, owner: str, passphrase: str = "") -> tuple[str, str]:
         """Make the keys of one more station and person for the site of `owner`.
 
-        Return the public keys of both, which its owner has to enrol. Raises ValueError when there
-        are keys already, and for an `owner` that is no public key.
+        Returns the public keys of the person and the station, which the owner has to enrol. Raises
+        ValueError if there are keys already, or if `owner` is not a public key.
         """
         Trust(owner)
         with self._locked():
@@ -164,7 +165,7 @@ class KeyFolder:
             return own, its
 
     def make_person(self, name: str, role: Role, passphrase: str = "") -> None:
-        """Make the key of one more person of the site, and enrol it."""
+        """Make a key for one more person of the site, and enrol the person."""
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
             if name in roster.people:
@@ -173,7 +174,7 @@ class KeyFolder:
             self._sign(owner, replace(roster, people={**roster.people, name: made}))
 
     def enrol_person(self, name: str, key: str, role: Role) -> None:
-        """Take the person with that public `key` into the roster, or give another `role`."""
+        """Add the person with that public `key` to the roster, or change the person's role."""
         _named(name)
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -183,7 +184,7 @@ class KeyFolder:
             self._sign(owner, replace(roster, people=people))
 
     def enrol_station(self, name: str, key: str) -> None:
-        """Take the station with that public `key` into the roster."""
+        """Add the station with that public `key` to the roster."""
         _named(name)
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -192,9 +193,9 @@ class KeyFolder:
             self._sign(owner, replace(roster, stations={**roster.stations, name: key}))
 
     def enrol_rules(self, content_sha256: str, rules: EnrolledRules) -> None:
-        """Let vehicles accept plans checked by a rule set, with its numbers of approvals.
+        """Enrol a rule set and the numbers of approvals that it requires.
 
-        Another set of the same name is no longer enrolled.
+        It replaces any rule set of the same name.
         """
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -202,9 +203,10 @@ class KeyFolder:
             self._sign(owner, replace(roster, rules={**kept, content_sha256: rules}))
 
     def revoke(self, name: str) -> None:
-        """Revoke the key of a person or station for ever, and take it out of the roster.
+        """Revoke the key of a person or station for ever, and remove its owner from the roster.
 
-        A station that a revoked commander had put in command is put so again by another one.
+        If the revoked commander put the present station in command, another commander on this
+        machine signs for that station again.
         """
         with self._locked():
             owner, trust = self._owner(), self.trust()
@@ -218,9 +220,9 @@ class KeyFolder:
                 self._take_over(roster.station_of(trust.takeover.station))
 
     def rotate(self, name: str, passphrase: str = "") -> None:
-        """Make a new key for a person or station of this machine, and revoke the one before.
+        """Make a new key for a person or station of this machine, and revoke the old key.
 
-        The station that was in command stays so, if a commander's key is here to sign that.
+        If this affects the takeover, a commander on this machine signs for the same station again.
         """
         with self._locked():
             owner, trust = self._owner(), self.trust()
@@ -228,6 +230,7 @@ class KeyFolder:
             commanding = roster.station_of(trust.takeover.station)
             again = name in (commanding, trust.takeover.person)
             if name in roster.people:
+                # Only a key that is on this machine can be replaced, with its passphrase.
                 self._load("person", name)
                 made = Person(
                     public_of(self._make("person", name, passphrase)), roster.people[name].role
@@ -243,12 +246,12 @@ class KeyFolder:
                 self._take_over(commanding)
 
     def take_over(self, station: str) -> Takeover:
-        """Put `station` in command, with the key of a commander that is here."""
+        """Put `station` in command, signed with the first commander's key on this machine."""
         with self._locked():
             return self._take_over(station)
 
     def take(self, message: str) -> str:
-        """Keep a signed message that came from the site; return why not, '' when it is taken."""
+        """Store a signed message from the site; return the reason if it is refused, else ''."""
         with self._locked():
             trust = self.trust()
             before = trust.roster.serial, trust.revocation, trust.takeover
@@ -261,7 +264,7 @@ class KeyFolder:
             return ""
 
     def listed(self) -> list[ListedKey]:
-        """Return every key of the site."""
+        """Return all keys of the site."""
         trust = self.trust()
         roster = trust.roster
         rows = [("owner", OWNER, "", self.owner)]
@@ -298,7 +301,7 @@ class KeyFolder:
         return trust.takeover
 
     def _sign(self, owner: Ed25519PrivateKey, roster: Roster) -> None:
-        """Sign `roster` as the next one; no epoch before the present one holds under it."""
+        """Sign `roster` as the next one; it makes takeovers of earlier epochs invalid."""
         serial, epoch = 1, 1
         if self.made:
             trust = self.trust()
@@ -306,10 +309,11 @@ class KeyFolder:
         self._keep("roster", sign_roster(owner, replace(roster, serial=serial, epoch=epoch)))
 
     def _revoke(self, owner: Ed25519PrivateKey, trust: Trust, key: str) -> None:
-        """Revoke `key`, which is taken out of the roster only then.
+        """Revoke `key`, which the caller then removes from the roster.
 
-        A change that is interrupted in between can be made again, as the roster still has the key.
-        The epoch goes into the roster first: a takeover that the key has signed counts no more.
+        If the change is interrupted in between, it can be repeated, because the roster still has
+        the key. The roster is signed with the present epoch first, so that takeovers which the key
+        signs for earlier epochs are not valid.
         """
         self._sign(owner, trust.roster)
         keys = sorted(trust.revoked | {key})
@@ -364,7 +368,7 @@ class KeyFolder:
         return key
 
     def _message(self, name: str) -> str:
-        """Return a signed message, '' when there is none."""
+        """Return the signed message of the kind `name`; '' if there is none."""
         with suppress(FileNotFoundError):
             return self._read(f"{name}.jwt").decode("ascii", "replace").strip()
         return ""
@@ -388,7 +392,7 @@ class KeyFolder:
 
     @contextmanager
     def _locked(self) -> Generator[None]:
-        """Hold the folder, which is made where it is not there, while its keys are changed."""
+        """Lock the folder while its keys are changed; make it if it does not exist."""
         lock = FileLock(self.path / ".lock", timeout=LOCK_SECONDS, mode=FILE_MODE)
         try:
             make_private_folder(self.path)

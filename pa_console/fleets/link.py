@@ -1,7 +1,8 @@
-"""The link protocol: what connects robots of one kind, such as ROS 2 or MAVLink, to a fleet.
+"""The link protocol: a connection of a fleet to robots of one kind, such as ROS 2 or MAVLink.
 
-A package adds a kind of robots by an entry point in the group `pa_console.fleets`, named after the
-scheme of its addresses: `--fleet SCHEME:ADDRESS`. `LinkedFleet` makes one fleet of several links.
+A package adds a kind of robot with an entry point in the group `pa_console.fleets`. The name of
+the entry point is the scheme of its addresses: `--fleet SCHEME:ADDRESS`. `LinkedFleet` combines
+several links into one fleet.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,10 +19,20 @@ from pa_console.schema.events.event import Level
 from pa_console.schema.world import AssetKind, Background, World
 from pa_console.settings.schema import Settings
 
+GROUP = "pa_console.fleets"
+OWN = (
+    EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
+    EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
+)
+"""The console's own links. MAVLink needs the extra `mavlink`; ROS 2 needs an installation of it."""
+
+BUS = ("mqtt", "mqtts")
+"""The schemes of a message bus (VDA 5050), which has a fleet class of its own."""
+
 
 @dataclass(frozen=True)
 class DeviceAnswer:
-    """An asset's answer to a command; `detail` gives the asset's own reason where it has one."""
+    """An asset's answer to a command; `detail` is the asset's own reason, if it gives one."""
 
     command_id: str
     agent: str
@@ -40,7 +51,7 @@ class LinkNotice:
 
 @dataclass(frozen=True)
 class NotReady:
-    """The reason that a reporting asset cannot start yet, '' once it can."""
+    """The reason why a reporting asset cannot start yet; '' once it can."""
 
     agent: str
     why: str
@@ -48,7 +59,7 @@ class NotReady:
 
 @dataclass(frozen=True)
 class GroundMap:
-    """A map that robots have made of the ground, in the world's frame; the newest one counts."""
+    """A map of the ground that robots have made, in the world's frame; the newest one is shown."""
 
     background: Background
 
@@ -58,80 +69,80 @@ LinkNews = AssetReport | SensorReport | DeviceAnswer | LinkNotice | NotReady | G
 
 @dataclass(frozen=True)
 class FoundRobot:
-    """A robot that a link has discovered; `name` is what its asset would be called."""
+    """A robot that a link has discovered; `name` is the name that its asset would get."""
 
     name: str
     kind: AssetKind
     position: Point | None = None
-    """Metres in the world's frame, None while unknown."""
+    """The position in metres in the world's frame; None while it is unknown."""
     detail: str = ""
-    """Its own description, such as its type or its namespace."""
+    """A description from the robot, such as its type or its namespace."""
 
 
 class Link(Protocol):
-    """A connection to some assets of a world, with threads of its own.
+    """A connection to some assets of a world, with its own threads.
 
     No member raises, and only `wait` and `close` take time. A command id is carried out at most
-    once, and its last answer is given again if it is sent again; a hold is carried out each time.
-    Without a connection nothing is kept to be sent later. `acknowledged` or `refused` come first,
-    then `done` or `failed`; a hold is `done` once the asset reports that it stands.
+    once; if it is sent again, its last answer is repeated. A hold is carried out each time. While
+    there is no connection, commands are dropped, not queued. The answers are `acknowledged` or
+    `refused`, then `done` or `failed`; a hold is `done` once the asset reports that it has stopped.
     """
 
     @property
     def name(self) -> str:
-        """The name on the screen, such as `ros2:robots.yaml`."""
+        """The name of the link on the screen, such as `ros2:robots.yaml`."""
         ...
 
     @property
     def agents(self) -> frozenset[str]:
-        """The assets of the world that are commanded over this link; they do not change."""
+        """The assets of the world that this link commands; the set does not change."""
         ...
 
     @property
     def problem(self) -> str:
-        """The reason why there is no connection, '' while there is one."""
+        """The reason why there is no connection; '' while there is one."""
         ...
 
     def send(self, command: DeviceCommand) -> None:
-        """Send `command` to its asset; returns at once and raises nothing."""
+        """Send `command` to its asset; returns at once and never raises."""
         ...
 
     def take(self) -> Sequence[LinkNews]:
-        """Return what came in since the last call, in order of arrival."""
+        """Return the news since the last call, in order of arrival."""
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Wait until there is news, for `seconds` at most; return whether there is."""
+        """Wait for news, for `seconds` at most; return whether there is any."""
         ...
 
     def close(self) -> None:
-        """End the connection; no further member is called."""
+        """End the connection; no member is called afterwards."""
         ...
 
 
 @runtime_checkable
 class Discovering(Link, Protocol):
-    """A link that finds robots which the world does not have."""
+    """A link that can find robots that are not assets of the world."""
 
     def discover(self) -> Sequence[FoundRobot]:
-        """Return every robot on the link so far, those of the world among them."""
+        """Return every robot found on the link so far, including the assets of the world."""
         ...
 
 
 @dataclass(frozen=True)
 class LinkFinding:
-    """One thing that was looked at on a robot, such as a message or a parameter of it."""
+    """One observation of a robot, such as a message that it sends or a parameter."""
 
     agent: str
     what: str
     found: str
     wanted: str = ""
-    """The value as it should be, '' if it is."""
+    """The correct value; '' if the value found is correct."""
     consequence: str = ""
-    """The effect of the wrong value, '' if nothing is wrong."""
+    """The effect of a wrong value; '' if the value found is correct."""
 
     def unless(self, good: object, wanted: str, consequence: str) -> "LinkFinding":
-        """Return it as it is if it is `good`, else with what it should be and the consequence."""
+        """Return this finding; if it is not `good`, with the value wanted and the consequence."""
         return self if good else replace(self, wanted=wanted, consequence=consequence)
 
 
@@ -140,38 +151,28 @@ class Examined(Link, Protocol):
     """A link that can report what its robots send and how they are configured."""
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:
-        """Look at every robot, for `seconds` at most; nothing is commanded."""
+        """Examine every robot, for `seconds` at most, without any command to it."""
         ...
 
 
 OpenLink = Callable[[str, World, Settings], Link]
-"""The function of an entry point: returns the link to an ADDRESS, for the assets of a world.
+"""The function of an entry point, which returns the link to an ADDRESS for the assets of a world.
 
-It raises ValueError with a remedy for an address it cannot use, and if nothing answers there.
+It raises ValueError with a remedy if it cannot use the address or gets no answer there.
 """
-
-GROUP = "pa_console.fleets"
-OWN = (
-    EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
-    EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
-)
-"""The console's own links; MAVLink needs the extra of its name, ROS 2 an installation of it."""
-
-BUS = ("mqtt", "mqtts")
-"""The schemes of robots on a message bus (VDA 5050), which have a fleet of their own."""
 
 
 @cache
 def link_schemes() -> dict[str, EntryPoint]:
-    """Return the entry point of each scheme; no package takes the place of the console's own."""
+    """Return the entry point of each scheme; a package cannot replace one of the console's own."""
     return {point.name: point for point in (*entry_points(group=GROUP), *OWN)}
 
 
 def open_link(url: str, world: World, settings: Settings) -> Link:
     """Return the link at `url`, SCHEME:ADDRESS, for the assets of `world`.
 
-    Raises ValueError with the remedy for an unknown scheme, a missing library, and what the link's
-    own package finds wrong.
+    Raises ValueError with a remedy if the scheme is unknown, if a library is missing, or if the
+    package of the link reports a problem.
     """
     scheme, _, address = url.partition(":")
     point = link_schemes().get(scheme)

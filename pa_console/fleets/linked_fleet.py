@@ -1,7 +1,7 @@
-"""One fleet of robots on several links, and on a message bus beside them.
+"""The fleet of robots on several links and, optionally, on a message bus.
 
-It has one picture and one clock, the station's own. A command goes to the link of its asset. What a
-link reports is checked before it is believed; whatever a link does, the session goes on.
+The fleet has one picture and one clock, the station's. It sends a command to the link of its asset.
+Everything that a link reports is checked first, and no fault of a link ends the session.
 """
 
 import secrets
@@ -38,35 +38,36 @@ if TYPE_CHECKING:
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 
 MOST_SENT = 4096
-"""The number of commands whose answers are followed; the oldest are forgotten first."""
+"""The largest number of commands with tracked answers; the oldest are dropped first."""
 
 MOST_NEWS = 20_000
-"""The number of reports and answers that are taken in at one step; the rest is set aside."""
+"""The largest number of reports and answers from one link in one step; the rest is dropped."""
 
 MOST_DETAIL = 500
-"""The longest detail of an answer, characters."""
+"""The longest detail of an answer, in characters."""
 
 POLL_S = 0.05
+"""The longest wait for one link before the others are checked, in seconds."""
 
 
 @dataclass
 class _SentCommand:
-    """A command as the station knows it, and its asset's last answer."""
+    """A command of the station, and the last answer of its asset."""
 
     command: DeviceCommand
     reply: CommandReply | None = None
 
     @property
     def ended(self) -> bool:
-        """True once its asset has carried it out, failed at it or refused it."""
+        """True once the asset has carried out, failed or refused the command."""
         return self.reply is not None and self.reply.status in FINAL_REPLIES
 
 
 class LinkedFleet(ReportedFleet):
-    """Drives the assets of `world` that are on `links`, and those on `bus` where one is given.
+    """The fleet of the assets of `world` on `links` and, if given, on `bus`.
 
-    With `use`, a command is checked in place of its asset before it goes to a link: only one that
-    people have approved is sent.
+    After `use`, each command to a link is verified here in place of its asset, so that only
+    commands that people have approved are sent.
     """
 
     def __init__(
@@ -76,7 +77,7 @@ class LinkedFleet(ReportedFleet):
         bus: "MqttFleet | None" = None,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        """`now` is the clock of the assets; raises ValueError for an asset on two links."""
+        """Take the time of the assets from `now`; raises ValueError if an asset is on two links."""
         self._links, self._bus, self._now = tuple(links), bus, now
         self._began = self._read_at = now()
         self._link_of = _links_of_assets(self._links, world)
@@ -87,7 +88,7 @@ class LinkedFleet(ReportedFleet):
             self._note_bus(bus)
         self._period = station_side.period_ticks(world)
         self._session = secrets.token_hex(8)
-        """Begins every command id on a link, so that ids of an earlier session are not repeated."""
+        """The prefix of every command id on a link, which keeps ids unique across sessions."""
         self._sent: OrderedDict[str, _SentCommand] = OrderedDict()
         self.background: Background | None = None
         """The newest map that robots have made of the ground."""
@@ -99,7 +100,7 @@ class LinkedFleet(ReportedFleet):
         self._show()
 
     def use(self, authorize: Authorize, verify: Verify) -> None:
-        """Check every command to a link from now on; `verify` is given the token of `authorize`."""
+        """Verify every command to a link from now on, with the token that `authorize` returns."""
         self._authorize, self._verify = authorize, verify
 
     @property
@@ -108,14 +109,14 @@ class LinkedFleet(ReportedFleet):
         return self._links
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at this station; at once."""
-        if self._bus is not None:  # it makes the picture of all
+        """Show exactly `assets` as under manual control from this station, at once."""
+        if self._bus is not None:  # the bus makes the picture of all assets
             self._bus.mark_manual(assets)
         else:
             super().mark_manual(assets)
 
     def wait_for_reports(self, seconds: float) -> None:
-        """Wait for a first report of every asset on a link that works, for `seconds` at most."""
+        """Wait for a report from every asset on a connected link, for `seconds` at most."""
         until = monotonic() + seconds
         while (left_s := until - monotonic()) > 0.0:
             assets = self.picture().assets
@@ -132,9 +133,9 @@ class LinkedFleet(ReportedFleet):
             self._show()
 
     def send(self, command: DeviceCommand) -> None:
-        """Send `command` to its asset's link now; without a connection only a hold is tried.
+        """Send `command` to the link of its asset now; a hold is sent even without a connection.
 
-        A command that has ended is not sent again: its answer is repeated. A hold always is sent.
+        A command that has ended is not sent again; its answer is repeated. A hold is always sent.
         """
         link = self._link_of.get(command.agent)
         if link is not None:
@@ -147,7 +148,7 @@ class LinkedFleet(ReportedFleet):
             self._say("alarm", command.agent, text, "absent")
 
     def _may_go(self, command: DeviceCommand, link: Link) -> bool:
-        """Return True if `command` goes to its link now; else a reply or a notice explains it."""
+        """Return whether `command` may go to its link now; a reply or a notice gives the reason."""
         sent = self._sent.get(command.command_id)
         if sent is not None and sent.command != command:
             self._refuse(command, "its id was given to another command before")
@@ -159,7 +160,7 @@ class LinkedFleet(ReportedFleet):
             text = f"{command.verb} is not sent: no connection over {link.name}: {problem}"
             self._say("alarm", command.agent, text, "unsent")
             return False
-        # checked last, and at the first time only: a check uses the command's token up
+        # This check is last, and only for a new command, because it uses up the command's token.
         if sent is None and (why := self._refusal(command)):
             self._sent[command.command_id] = _SentCommand(command)
             self._refuse(command, why)
@@ -167,14 +168,14 @@ class LinkedFleet(ReportedFleet):
         return command.agent not in self._manual
 
     def _refusal(self, command: DeviceCommand) -> str:
-        """Return why a new `command` may not go to its asset, '' when it may, and this once."""
+        """Return why a new `command` may not go to its asset; '' if it may, once."""
         if command.agent in self._manual:
             return "it is under manual control"
         token = self._authorize(command) if self._authorize is not None else None
         return self._verify(token, command)
 
     def _transmit(self, command: DeviceCommand, link: Link) -> None:
-        """Put `command` on its link; one that is sent again, such as a hold, is answered anew."""
+        """Send `command` over its link; if it was sent before, a new answer is expected."""
         self._sent[command.command_id] = _SentCommand(command)
         self._sent.move_to_end(command.command_id)
         while len(self._sent) > MOST_SENT:
@@ -182,14 +183,14 @@ class LinkedFleet(ReportedFleet):
         on_wire = command.model_copy(update={"command_id": f"{self._session}.{command.command_id}"})
         try:
             link.send(on_wire)
-        except Exception as error:  # a link that breaks its promise ends no session
+        except Exception as error:  # a link must not raise; if it does, the session continues
             self._fault(link, f"cannot send {command.verb} to {command.agent}", error)
 
     def step(self) -> Received:
-        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        """Advance the clock by `world.dt_s`; return everything received since the last step."""
         self._tick += 1
         self._take_news()
-        if self._bus is not None:  # it makes the picture anew as well
+        if self._bus is not None:  # the bus updates the picture as well
             received = self._bus.step()
             self._note_bus(self._bus)
         else:
@@ -205,7 +206,7 @@ class LinkedFleet(ReportedFleet):
         )
 
     def close(self) -> None:
-        """Let go of all links and of the bus; the robots do what they do without a station."""
+        """Close all links and the bus; the robots then follow their own rules for a lost link."""
         for link in self._links:
             try:
                 link.close()
@@ -215,14 +216,14 @@ class LinkedFleet(ReportedFleet):
             self._bus.close()
 
     def _note_bus(self, bus: "MqttFleet") -> None:
-        """Show the assets that have joined the bus as being on it."""
+        """Show the bus as the link of each asset that has joined it."""
         for name in bus.joined - self._known.links.keys():
             self._known.links[name] = bus.name
 
     def _take_news(self) -> None:
-        """Take in what has come over every link, and note which of them have no connection."""
-        # One moment for the lag and for the age of every report: a station that is held up between
-        # two readings of the clock would find a moving asset farther than it can have come.
+        """Process the news of every link, and report lost and restored connections."""
+        # The clock is read once for the lag and for the age of every report. With two readings, a
+        # delay in between would make a moving asset appear farther away than it can have come.
         self._read_at = self._now()
         passed_s = (self._read_at - self._began).total_seconds()
         self._known.advance(self._tick, passed_s - self.time_s)
@@ -231,7 +232,7 @@ class LinkedFleet(ReportedFleet):
             for news in self._news_of(link):
                 try:
                     self._take(link, news)
-                except Exception as error:  # no report ends the session that it reaches
+                except Exception as error:  # a bad report must not end the session
                     self._fault(link, f"{type(news).__name__} is set aside", error)
 
     def _news_of(self, link: Link) -> Sequence[LinkNews]:
@@ -246,7 +247,7 @@ class LinkedFleet(ReportedFleet):
         return news[:MOST_NEWS]
 
     def _note_problem(self, link: Link) -> None:
-        """Report a lost or restored connection; without one, none of its assets reports."""
+        """Report a lost or restored connection; if it is lost, mark its assets as not reporting."""
         problem = self._problem_of(link)
         if bool(problem) == (link.name in self._down):
             return
@@ -278,7 +279,7 @@ class LinkedFleet(ReportedFleet):
                     self._take_sensor(self._stamp(news.sensor, news.sent), news)
 
     def _is_on(self, link: Link, name: str) -> bool:
-        """Return whether `name` is an asset of that link; else it is not believed."""
+        """Return whether `name` is an asset of `link`; if not, report that it was set aside."""
         if self._link_of.get(name) is link:
             return True
         text = f"reports over {link.name}, which it is not on: set aside"
@@ -286,7 +287,10 @@ class LinkedFleet(ReportedFleet):
         return False
 
     def _take_answer(self, link: Link, answer: DeviceAnswer) -> None:
-        """Pass on an answer to a command that was sent to that asset, until the command ends."""
+        """Return `answer` at the next step, if it is to a command of that asset that has not ended.
+
+        An answer to an unknown command is reported and set aside.
+        """
         sent = self._sent_as(answer.command_id)
         is_its = sent is not None and sent.command.agent == answer.agent
         if sent is None or not is_its or self._link_of.get(answer.agent) is not link:
@@ -309,14 +313,14 @@ class LinkedFleet(ReportedFleet):
         self._known.report(name, stamp, said)
 
     def _stamp(self, name: str, sent: datetime) -> int | None:
-        """Return the tick at which a report was sent, None for one that is not believed."""
+        """Return the tick at which a report was sent; None if its time is not plausible."""
         stamp = self._belief.tick_of(sent, self._now(), self._read_at, self._tick)
         if stamp is None:
             self._belief.ahead(name)
         return stamp
 
     def _telemetry(self, report: AssetReport, terrain: Terrain, tick: int) -> AssetTelemetry:
-        """Return `report` as telemetry of `tick`; raises ValueError for values that cannot be."""
+        """Return `report` as telemetry of `tick`; raises ValueError for impossible values."""
         world, (x, y) = terrain.world, report.position
         if not (isfinite(x) and isfinite(y)):
             raise ValueError(f"its position ({x}, {y}) is no place")
@@ -353,12 +357,12 @@ class LinkedFleet(ReportedFleet):
         )
 
     def _sent_as(self, on_wire: str) -> _SentCommand | None:
-        """Return the command of this session with that id on a link, None for no such one."""
+        """Return the command of this session with that id on a link; None if there is none."""
         session, _, own_id = on_wire.partition(".")
         return self._sent.get(own_id) if session == self._session else None
 
     def _refuse(self, command: DeviceCommand, why: str) -> None:
-        """Answer `command` in place of its asset."""
+        """Refuse `command` in place of its asset."""
         sent = self._sent.get(command.command_id)
         reply = self._reply(command, "refused", why[:MOST_DETAIL])
         if sent is not None and sent.command == command:
@@ -379,7 +383,11 @@ class LinkedFleet(ReportedFleet):
 
 
 def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
-    """Return the link of each asset; raises ValueError for one on two links, or on no world."""
+    """Return the link of each asset.
+
+    Raises ValueError if a link is given twice, if an asset is on two links, or if an asset is
+    missing from the world.
+    """
     found: dict[str, Link] = {}
     names = [link.name for link in links]
     if twice := next((name for name in names if names.count(name) > 1), None):

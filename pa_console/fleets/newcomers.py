@@ -1,6 +1,6 @@
-"""Robots found on a bus or a link: a look at them, and a world that has them as assets.
+"""Surveys of the robots on a link, and worlds in which discovered robots are assets.
 
-A look commands nothing.
+A survey sends no command.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -25,15 +25,28 @@ from pa_console.schema.world import AssetSpec, Background, Frame, World
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.world_file import geometry_problems
 
+MARGIN_M = 5.0
+"""The margin of a new world's perimeter around its places, in metres."""
+
+MOST_RADIUS_M = 8.0
+"""The largest radius of a place in a new world, in metres."""
+
+LOOK_S = 5.0
+"""The longest survey of a link, in seconds."""
+
+POLL_S = 0.1
+"""The longest wait for news before the end of a survey is checked, in seconds."""
+
 _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 
 def with_robots(
     world: World, found: Iterable[FoundRobot]
 ) -> tuple[Mapping[str, AssetSpec], tuple[str, ...]]:
-    """Return the robots of `found` that can be new assets of `world`, and a line about each.
+    """Return the robots in `found` that can become assets of `world`, and a line about each robot.
 
-    Each has the platform of its kind, and is posted at the nearest place if its own is known.
+    A robot gets the platform of its kind. Its post is the frame nearest to it, or the base if its
+    position is unknown.
     """
     added: dict[str, AssetSpec] = {}
     told: list[str] = []
@@ -54,19 +67,13 @@ def with_robots(
     return added, tuple(told)
 
 
-MARGIN_M = 5.0
-"""The least distance from a place to the perimeter of a world that is made around places."""
-
-MOST_RADIUS_M = 8.0
-
-
 def world_of_robots(
     base: World, present: Collection[str], found: Iterable[FoundRobot]
 ) -> tuple[World, tuple[str, ...]]:
-    """Return `base` with the robots that are there, and a line about each new one.
+    """Return `base` with only the discovered robots as assets, and a line about each new one.
 
-    They are the assets of `base` that are `present`, and those of `found`. Raises ValueError for
-    a world without robots, or with more of them than there is room for.
+    The assets are those of `base` that are `present`, and the new ones in `found`. Raises
+    ValueError if there is no robot, or if the world has no room for all of them.
     """
     added, told = with_robots(base, found)
     known = {name: spec for name, spec in base.assets.items() if name in present}
@@ -83,10 +90,10 @@ def world_of_robots(
 def around_places(
     base: World, title: str, places: Mapping[str, Frame], background: Background | None
 ) -> World:
-    """Return a world of these places, with the platforms and limits of `base`, and no barrier.
+    """Return a world with `places` as frames, and without walls, lanes, zones or cameras.
 
-    Its perimeter encloses the places and the background. Raises ValueError for places that make no
-    world, such as none of the kind `gate`.
+    Platforms and limits are those of `base`. The perimeter encloses the places and the background.
+    Raises ValueError if the places do not make a valid world, for example without a `gate`.
     """
     corners = [frame.at for frame in places.values()]
     if background is not None:
@@ -113,15 +120,15 @@ def around_places(
 
 
 def _aliases(base: World, names: Collection[str]) -> dict[str, str]:
-    """Return the aliases of `base` for those of `names`."""
+    """Return the aliases of `base` that refer to one of `names`."""
     return {alias: name for alias, name in base.aliases.items() if name in names}
 
 
 def places_of(written: Iterable[str]) -> dict[str, Frame]:
-    """Return the places of NAME=X,Y[,KIND] in metres, KIND gate, post or base; post by default.
+    """Return the frames for texts of the form NAME=X,Y[,KIND], with X and Y in metres.
 
-    A place reaches as far as it can without meeting another one, 8 m at most. Raises ValueError
-    naming the one that cannot be read.
+    KIND is gate, post or base; post by default. The radius of a frame is as large as possible
+    without overlap, at most MOST_RADIUS_M. Raises ValueError with the text that is not valid.
     """
     kinds: dict[str, str] = {}
     at: dict[str, Point] = {}
@@ -146,7 +153,7 @@ def places_of(written: Iterable[str]) -> dict[str, Frame]:
 
 
 def _enclosing(corners: Iterable[Point]) -> tuple[Point, ...]:
-    """Return the rectangle around the corners, with a margin."""
+    """Return the rectangle around `corners` with a margin of MARGIN_M."""
     xs, ys = zip(*corners, strict=True)
     west, east = min(xs) - MARGIN_M, max(xs) + MARGIN_M
     south, north = min(ys) - MARGIN_M, max(ys) + MARGIN_M
@@ -154,35 +161,29 @@ def _enclosing(corners: Iterable[Point]) -> tuple[Point, ...]:
 
 
 def _post(world: World, robot: FoundRobot) -> str:
-    """Return the place nearest to a robot, the base while its own is unknown."""
+    """Return the frame nearest to `robot`, or the base if its position is unknown."""
     at = robot.position
     if at is None:
         return world.base
     return min(world.frames, key=lambda name: dist(world.frames[name].at, at))
 
 
-LOOK_S = 5.0
-"""The longest look at a link, seconds."""
-
-POLL_S = 0.1
-
-
 @dataclass(frozen=True)
 class LinkSurvey:
-    """The state of a link after a look at it."""
+    """The result of a survey of one link."""
 
     name: str
     problem: str
-    """The reason why there is no connection, '' while there is one."""
+    """The reason why there is no connection; '' if there is one."""
     agents: frozenset[str]
-    """The assets of the world that are on it."""
+    """The assets of the world on this link."""
     reports: dict[str, AssetReport]
     """The latest report of each asset that sent one."""
     notices: tuple[str, ...]
     found: tuple[FoundRobot, ...]
-    """Every robot on it; none where the link finds no robots of itself."""
+    """Every robot on the link; empty if the link cannot discover robots."""
     findings: tuple[LinkFinding, ...] = ()
-    """The set-up of its robots, if that was asked for."""
+    """The findings about the configuration of the robots, if they were examined."""
 
     @property
     def silent(self) -> list[str]:
@@ -190,7 +191,7 @@ class LinkSurvey:
         return sorted(self.agents - self.reports.keys())
 
     def in_words(self) -> str:
-        """Return the robots on the link, in one line."""
+        """Return one line about the connection and the robots on the link."""
         parts = [f"no connection: {self.problem}"] if self.problem else ["connected"]
         if self.reports:
             parts.append(f"reports from {', '.join(sorted(self.reports))}")
@@ -205,11 +206,11 @@ class LinkSurvey:
 def survey(
     url: str, world: World, settings: Settings, seconds: float = LOOK_S, *, examine: bool = False
 ) -> LinkSurvey:
-    """Look at the link at `url` for `seconds`, less where all there is has reported.
+    """Survey the link at `url` for `seconds`, and return the result.
 
-    With `examine`, the set-up of its robots is looked at too.
-
-    Raises ValueError for a link that cannot be opened.
+    The survey ends early once every asset has reported, unless the link discovers robots. With
+    `examine`, the configuration of the robots is examined too. Raises ValueError if the link
+    cannot be opened.
     """
     link = open_link(url, world, settings)
     try:

@@ -1,4 +1,4 @@
-"""The messages that a link needs from a robot, and the reasons why the robot cannot start yet."""
+"""The messages that a link needs from a robot, and the reasons why the robot is not ready."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -10,44 +10,46 @@ KEPT = 64
 """The number of arrivals of a message from which its rate is computed."""
 
 PATIENCE_S = 15.0
+"""The default silence after which a message counts as missing, in seconds."""
 
 
 @dataclass(frozen=True)
 class NeededMessage:
-    """One message of a robot; `lacking` is the consequence of its absence."""
+    """One message that a robot must send."""
 
     name: str
     period_s: float
-    """The longest time between two of them, 0 for one that is sent once."""
+    """The longest time between two messages, in seconds; 0 if the message is sent only once."""
     lacking: str
+    """The consequence if the message is missing."""
     number: int = 0
-    """Its number in a protocol that has numbers."""
+    """The number of the message, in a protocol that numbers messages."""
     patience_s: float = PATIENCE_S
-    """The silence after which it counts as missing, seconds."""
+    """The silence after which the message counts as missing, in seconds."""
     source: str = ""
-    """The node or the parameter that brings it."""
+    """The node that sends the message, or the parameter that enables it."""
 
     @property
     def wanted(self) -> str:
-        """How often it should come, and from where."""
+        """The expected period of the message and its source, in words."""
         often = f"every {self.period_s:g} s" if self.period_s else "once"
         return f"{often}, from {self.source}" if self.source else often
 
 
 @dataclass
 class MessageWatch:
-    """Counts one robot's messages; times are those of a monotonic clock, seconds."""
+    """The arrivals of one robot's messages; times are in seconds on a monotonic clock."""
 
     needed: Sequence[NeededMessage]
     began_s: float
     _heard: dict[str, deque[float]] = field(default_factory=dict[str, deque[float]])
 
     def heard(self, name: str, now_s: float) -> None:
-        """Count a message."""
+        """Record the arrival of a message."""
         self._heard.setdefault(name, deque(maxlen=KEPT)).append(now_s)
 
     def missing(self, now_s: float) -> list[NeededMessage]:
-        """Return the messages that do not come."""
+        """Return the needed messages that are missing."""
         return [
             needed
             for needed in self.needed
@@ -56,23 +58,23 @@ class MessageWatch:
         ]
 
     def count(self, name: str) -> int:
-        """Return how many of a message have come lately."""
+        """Return the number of recorded arrivals of a message, at most KEPT."""
         return len(self._heard.get(name, ()))
 
     def rate_hz(self, name: str, now_s: float) -> float:
-        """Return how often a message has come lately, 0 if it did not."""
+        """Return the rate of a message over its recorded arrivals; 0 for fewer than two."""
         times = self._heard.get(name, ())
         if len(times) < 2:
             return 0.0
         return (len(times) - 1) / max(now_s - times[0], 1e-3)
 
     def last_s(self, name: str) -> float:
-        """Return when a message has come last, long ago if it never has."""
+        """Return the time of the last arrival of a message; long ago if there is none."""
         times = self._heard.get(name)
         return times[-1] if times else -1e9
 
     def findings(self, agent: str, now_s: float) -> list[LinkFinding]:
-        """Return how often each needed message comes, and what lacks without it."""
+        """Return a finding for each needed message: its rate, and the consequence if missing."""
         findings: list[LinkFinding] = []
         for needed in self.needed:
             count, rate = self.count(needed.name), self.rate_hz(needed.name, now_s)
@@ -84,15 +86,15 @@ class MessageWatch:
 
 @dataclass
 class Readiness:
-    """Reports why the asset `agent` cannot start yet, whenever that changes."""
+    """The reasons why the asset `agent` cannot start yet; each change is passed to `tell`."""
 
     agent: str
     tell: Callable[[LinkNews], object]
     why: str = ""
-    """The reasons, '' if it can start."""
+    """The reasons; '' if the asset can start."""
 
     def note(self, reasons: Iterable[str]) -> None:
-        """Take in the reasons as they are now."""
+        """Set the current reasons, and report them if they have changed."""
         why = "; ".join(reasons)
         if why != self.why:
             self.why = why
@@ -100,6 +102,6 @@ class Readiness:
 
     @property
     def finding(self) -> LinkFinding:
-        """Whether it can start, as `doctor` shows it."""
+        """The finding for `doctor` about the readiness of the asset."""
         finding = LinkFinding(self.agent, "ready", f"no: {self.why}" if self.why else "yes")
         return finding.unless(not self.why, "", "it starts nothing")

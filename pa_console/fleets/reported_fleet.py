@@ -1,4 +1,4 @@
-"""The parts that fleets share which go by reports: one picture, one clock, notices, replies."""
+"""The common base of fleets that rely on reports: picture, clock, notices and replies."""
 
 from pa_console.fleets.reported_picture import ReportedPicture
 from pa_console.fleets.reports import Belief, Notices, SensorReport
@@ -10,10 +10,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 
 class ReportedFleet:
-    """The picture, the clock, the notices and the replies of a fleet that goes by reports.
-
-    `_tick` counts its steps; `now` is the clock of its robots.
-    """
+    """The picture, the clock, the notices and the replies of a fleet that relies on reports."""
 
     _replies: list[CommandReply]
     _tick: int
@@ -31,37 +28,37 @@ class ReportedFleet:
 
     @property
     def tick(self) -> int:
-        """Steps taken since the session began."""
+        """The number of steps since the session began."""
         return self._tick
 
     @property
     def time_s(self) -> float:
-        """Seconds on the station's clock since the session began."""
+        """The seconds since the session began, on the station's clock."""
         return self._known.terrain.seconds(self._tick)
 
     def picture(self) -> Picture:
-        """Return the picture as it was made last, every `world.telemetry_period_s`."""
+        """Return the latest picture; a new one is built every `world.telemetry_period_s`."""
         return self._known.picture()
 
     def forecast(self) -> Checkpoint:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
+        """Return a simulation from the picture and the world only."""
         return self._known.forecast()
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at this station; at once."""
+        """Show exactly `assets` as under manual control from this station, at once."""
         self._known.mark_manual(assets)
         self._show()
 
     def _show(self) -> None:
-        """Make the picture anew, and name those whose reports it had to be made without."""
+        """Rebuild the picture, and report the senders of messages that had to be left out."""
         for name in dict.fromkeys(self._known.show(self._weather)):
             text = "what it reports cannot be shown in any picture and is set aside"
             self._say("alarm", name, text, "fault picture")
 
     def _take_sensor(self, stamp: int | None, seen: SensorReport, rate: float = 1.0) -> None:
-        """Take in detections of tick `stamp`, unless they are too old.
+        """Process detections of tick `stamp`, unless they are too old.
 
-        What sensors saw before the session began, they report again by now.
+        Detections from before the session are ignored; sensors repeat them if they still hold.
         """
         name = seen.sensor
         if stamp is not None and self._belief.is_recent(name, self._tick - stamp, rate):
@@ -69,7 +66,7 @@ class ReportedFleet:
                 self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _reply(self, command: DeviceCommand, status: ReplyStatus, detail: str) -> CommandReply:
-        """Return an answer to `command`, which the next step passes on."""
+        """Return a reply to `command`; the next step returns it as well."""
         reply = CommandReply(
             command_id=command.command_id,
             agent=command.agent,

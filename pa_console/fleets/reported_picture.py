@@ -1,11 +1,11 @@
-"""The picture that the reports of a fleet's robots add up to; nothing here knows any truth.
+"""The picture built from the reports of a fleet's robots, without any truth.
 
-It concludes as the station of a simulated fleet does: whether a report is stale, a link lost, a
-position doubtful, and what the detections of all sensors make of a contact.
+The same code as in a simulated fleet decides whether a report is stale, a link is lost or a
+position is doubtful, and fuses the detections of all sensors into tracks.
 
-A sensor that errs or lies can report contacts without end. Each would become a track, an alarm and
-a mission, and hide the contacts that are there. So none counts beyond the sensor's range, and with
-a share for each sensor the contacts of the others always become tracks.
+A faulty or malicious sensor can report any number of contacts. Each of them would become a track,
+an alarm and a mission, and hide the real contacts. Therefore, contacts beyond the range of their
+sensor are discarded. A limit for each sensor keeps room for the contacts of the other sensors.
 """
 
 import math
@@ -37,22 +37,33 @@ from pa_console.sim.sensing_state import Detection, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 MOST_CONTACTS = 64
-"""Most contacts of one message that are taken in; a busy gate has about ten."""
+"""The largest number of contacts accepted from one message; a busy gate has about ten."""
 
 MOST_ALONE = 32
-"""Most tracks that rest on one sensor alone: more than a crowd at a gate."""
+"""The largest number of tracks from one sensor alone; a crowd at a gate has fewer."""
 
 MOST_TRACKS = 128
-"""Most tracks in all: rules, rehearsal and map take in each of them at every picture. Three sensors
-that lie do not fill them. In a full picture, a contact of a sensor that reports few takes the place
-of one of a sensor that reports many."""
+"""The largest number of tracks in total.
+
+Rules, rehearsal and map process every track in every picture. Three malicious sensors cannot use
+up this limit. In a full picture, a contact of a sensor with few tracks replaces a track of a
+sensor with many.
+"""
 
 SIGMAS = 5.0
-"""A measurement is off by more than so much of its sensor's noise once in 200,000 times."""
+"""The accepted error of a measurement, in standard deviations of its sensor's noise.
+
+A larger error occurs once in 200,000 measurements.
+"""
+
+SEEN_PERIODS = 2.0
+"""The time for which a sighting of an asset by another sensor is used, in telemetry periods."""
+
+T = TypeVar("T")
 
 
 class SetAside(NamedTuple):
-    """Contacts of `sensor` that were not taken in: the reason follows its name in `text`."""
+    """A notice about discarded contacts of `sensor`; `text` follows the name of the sensor."""
 
     sensor: str
     text: str
@@ -60,7 +71,7 @@ class SetAside(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The place of a sensor and its range; with its noise and movement, `doubt_m` more."""
+    """The position of a sensor and its range; noise and movement extend it by `doubt_m`."""
 
     at: Point
     range_m: float
@@ -74,7 +85,7 @@ class Reach(NamedTuple):
 
     @classmethod
     def of_asset(cls, world: World, name: str, heard: Heard, stamp: int) -> "Reach":
-        """Return the reach of an asset at tick `stamp`, from where it reported itself last."""
+        """Return the reach of an asset at tick `stamp`, from its last reported position."""
         platform = world.platforms[world.assets[name].kind]
         elapsed_s = abs(stamp - heard.stamp) * world.dt_s
         moved_m = SPEED_MARGIN * platform.speed_mps * elapsed_s + NOISE_M
@@ -82,17 +93,17 @@ class Reach(NamedTuple):
         return cls(heard.telemetry.like.position, platform.sensor_range_m, doubt_m)
 
     def covers(self, at: Point) -> bool:
-        """Return whether a thing that was measured `at` a place may be in view."""
+        """Return whether an object with the measured position `at` may be in view."""
         return math.dist(self.at, at) <= self.range_m + self.doubt_m
 
 
 def within_share(
     files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
 ) -> tuple[list[Detection], list[SetAside]]:
-    """Return the detections that are taken in, and notes on those of any sensor that are not.
+    """Return the accepted detections of `sensor`, and a notice for each limit that was reached.
 
-    Contacts that have tracks come first. If all tracks are taken, a track of a sensor that reports
-    more is removed from `files` for a new contact.
+    Contacts with tracks are accepted first. If there are already MOST_TRACKS, a new contact
+    replaces a track of a sensor that reports more, which is removed from `files`.
     """
     ordered = sorted(found, key=lambda detection: detection.contact not in files)
     own = frozenset((sensor,))
@@ -108,7 +119,7 @@ def within_share(
                 continue
             if len(files) + len(new) >= MOST_TRACKS:
                 other = _make_room(files, sensor, alone + len(new))
-                if other is None:  # nor will there be room for the rest
+                if other is None:  # there is no room for the remaining contacts either
                     room = 0
                     continue
                 gave_way[other] += 1
@@ -125,10 +136,10 @@ def within_share(
 
 
 def _make_room(files: dict[str, TrackFile], sensor: str, alone: int) -> str | None:
-    """Remove the newest track of the sensors that report most; return one of them.
+    """Remove the newest track of the sensors with most tracks; return one of these sensors.
 
-    All sensors that detect it report more contacts than `sensor`, which has `alone` for itself.
-    None is returned where there is no such track.
+    Every sensor of the removed track has more tracks than `sensor`, which has `alone` of its own.
+    Returns None, without removing anything, if there is no such track.
     """
     load = Counter(name for file in files.values() for name in _sensors(file))
     least = {
@@ -146,22 +157,18 @@ def _sensors(file: TrackFile) -> frozenset[str]:
     return frozenset(sighting.sensor for sighting in file.seen)
 
 
-T = TypeVar("T")
-SEEN_PERIODS = 2.0
-"""The telemetry periods during which a sensor's sighting of an asset counts."""
-
-
 class ReportedPicture:
-    """Collects reports and detections by their tick of sending, and builds the picture.
+    """The picture of a fleet, built from reports and detections.
 
-    Ticks are steps of `world.dt_s` on the station's own clock. No message can prevent a picture: a
-    message that would is left out, and `show` names its sender.
+    Each is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the station's
+    clock. No message can prevent a picture: a message that causes an error is left out, and `show`
+    returns its sender.
     """
 
     def __init__(self, world: World) -> None:
         self.terrain = Terrain.of(world)
         self.links: dict[str, str] = {}
-        """The link that each asset is on, by name; empty in a fleet that has only one."""
+        """The link of each asset, by name; empty in a fleet with only one link."""
         self._not_ready: dict[str, str] = {}
         self._manual: frozenset[str] = frozenset()
         self.begin(0)
@@ -172,7 +179,7 @@ class ReportedPicture:
         return self.terrain.world
 
     def begin(self, tick: int) -> None:
-        """Forget everything: at `tick`, no asset and no camera has ever reported."""
+        """Reset the picture at `tick`, as if no asset and no camera had ever reported."""
         world = self.world
         scene = self._scene = Scene(rng=random.Random(0), tick=tick)
         at_gate = {gate: dict[str, bool]() for gate in world.gates}
@@ -182,11 +189,11 @@ class ReportedPicture:
         self._lag_s = 0.0
         self._recognised: dict[str, tuple[int, Point]] = {}
         self._lags: dict[str, float] = {}
-        """The lag of the station's clock at the latest report of each asset, seconds."""
+        """The lag of the station's clock at the latest report of each asset, in seconds."""
         self._watched: dict[str, int] = {}
-        """The tick of the latest detections of each asset that reports any."""
+        """The tick of the latest detections of each asset that reports detections."""
         self._taken: list[tuple[str, Callable[[], object]]] = []
-        """The messages taken in since the last picture, by sender."""
+        """The messages processed since the last picture, each with its sender."""
         for index, (name, spec) in enumerate(world.assets.items()):
             at = world.frames[spec.post].at
             scene.assets[name] = AssetState(
@@ -200,7 +207,7 @@ class ReportedPicture:
         self.show()
 
     def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
-        """Take in the report of asset `name` from tick `stamp`; an older one is left out."""
+        """Process the report of asset `name` from tick `stamp`, unless a newer one is known."""
         self._take(name, partial(self._report, name, stamp, said, self._lag_s))
 
     def _report(self, name: str, stamp: int, said: AssetTelemetry, lag_s: float) -> None:
@@ -222,7 +229,7 @@ class ReportedPicture:
         station_side.receive(self.terrain, scene, (report,))
 
     def break_link(self, name: str) -> None:
-        """Note that there is no connection to asset `name`."""
+        """Mark the connection to asset `name` as lost."""
         self._take(name, partial(self._break_link, name))
 
     def _break_link(self, name: str) -> None:
@@ -231,9 +238,10 @@ class ReportedPicture:
         self._scene.station.heard[name] = heard._replace(stamp=min(heard.stamp, lost))
 
     def detect(self, stamp: int, seen: SensorReport) -> tuple[SetAside, ...]:
-        """Process detections by an asset or a camera at tick `stamp`; return the discarded ones.
+        """Process detections by an asset or a camera at tick `stamp`.
 
-        Detections by a suspect asset are ignored, because its position may be false.
+        Returns notices about discarded detections. Detections by a suspect asset are ignored,
+        because its position may be false.
         """
         return self._take(seen.sensor, partial(self._detect, stamp, seen))
 
@@ -270,7 +278,7 @@ class ReportedPicture:
         return (*aside, SetAside(sensor, f"{text}: set aside", "beyond range"))
 
     def carried(self, name: str) -> None:
-        """Note that an asset was carried elsewhere: its new position is no forgery."""
+        """Record that asset `name` was carried elsewhere, so that its new position is plausible."""
         self._take(name, partial(self._carried, name))
 
     def _carried(self, name: str) -> None:
@@ -279,33 +287,37 @@ class ReportedPicture:
         self._scene.station.heard[name] = heard._replace(trust=trust)
 
     def advance(self, tick: int, lag_s: float = 0.0) -> None:
-        """Go on to `tick`, which is `lag_s` seconds behind the time that has truly passed.
+        """Advance to `tick`, which is `lag_s` seconds behind the real time of the session.
 
-        A station that was held up does not race to catch up. An asset went on meanwhile: how far
-        it can have come since its last report is reckoned with the time that the clock has lost.
+        A station that was delayed does not catch up, but its assets have moved in the meantime.
+        Therefore, the distance that an asset can have covered since its last report includes the
+        time that the station's clock has lost.
         """
         self._scene.tick, self._lag_s = tick, lag_s
 
     def show(self, weather: Weather = "clear") -> tuple[str, ...]:
-        """Make the picture anew from the reports so far.
+        """Rebuild the picture from the reports so far.
 
-        Return the senders of messages with which no picture could be made; those were left out.
+        Returns the senders of messages that were left out because they caused an error.
         """
         try:
             self._build(weather)
-        except Exception:  # whatever a message has done to what is known, there is a picture
+        except Exception:  # a message may corrupt the state; there must still be a picture
             return self._show_without_faults(weather)
         self._keep()
         return ()
 
     def _take(self, sender: str, take: Callable[[], T]) -> T:
-        """Take a message in and remember it until the next picture; raises what `take` does."""
+        """Process a message with `take`, and remember it until the next picture.
+
+        Errors of `take` are passed on.
+        """
         result = take()
         self._taken.append((sender, take))
         return result
 
     def _keep(self) -> None:
-        """Remember the present state, from which a picture can be made."""
+        """Save the current state, from which a picture can be built."""
         self._good = (
             self._scene.copy(),
             dict(self._cameras),
@@ -324,7 +336,10 @@ class ReportedPicture:
         self._lags = dict(lags)
 
     def _show_without_faults(self, weather: Weather) -> tuple[str, ...]:
-        """Take in again, one by one, what has come since the last picture, and leave faults out."""
+        """Process the messages since the last picture again, one by one, without the faulty ones.
+
+        Returns the senders of the faulty messages.
+        """
         taken, faulty = self._taken[:], list[str]()
         self._restore()
         self._taken.clear()
@@ -339,7 +354,7 @@ class ReportedPicture:
                 self._keep()
         try:
             self._build(weather)
-        except Exception:  # then nothing that is known can be relied on: every asset is unheard
+        except Exception:  # the saved state is unusable as well: start without any report
             self.begin(self._scene.tick)
         self._keep()
         return tuple(faulty)
@@ -348,7 +363,8 @@ class ReportedPicture:
         scene = self._scene
         silent_since = scene.tick - round(self.world.stale_s / self.world.dt_s)
         scene.sensing.weather = weather
-        # a drone without detections sees nobody: an asset beside it is not thereby unseen
+        # A sensor without recent detections counts as broken. Otherwise, an asset beside it would
+        # count as unseen, and its position as doubtful.
         scene.sensing.broken = (
             *(
                 name
@@ -364,28 +380,28 @@ class ReportedPicture:
         self._picture = picture.model_copy(update=known)
 
     def note_readiness(self, name: str, why: str) -> None:
-        """Let the next picture show why an asset cannot start yet, '' once it can."""
+        """Set the reason why an asset cannot start yet, for the next picture; '' once it can."""
         if why:
             self._not_ready[name] = why
         else:
             self._not_ready.pop(name, None)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Let the next picture show `assets`, and no others, as taken at the station."""
+        """Show exactly `assets` as under manual control from this station, in the next picture."""
         self._manual = assets
         for scene in (self._scene, self._good[0]):
             scene.station.manual = assets
 
     def picture(self) -> Picture:
-        """Return the picture as it was made last."""
+        """Return the latest picture."""
         return self._picture
 
     def forecast(self) -> Checkpoint:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
+        """Return a simulation from the picture and the world only."""
         return Checkpoint.ahead_of(self.terrain, self.picture())
 
     def _seen(self) -> Mapping[str, Point]:
-        """Return where other sensors recognise assets now."""
+        """Return the recent positions at which other sensors recognised assets."""
         period_s = SEEN_PERIODS * self.world.telemetry_period_s
         recent = self._scene.tick - round(period_s / self.world.dt_s)
         return {name: at for name, (stamp, at) in self._recognised.items() if stamp >= recent}

@@ -1,7 +1,7 @@
-"""Reports of assets and sensors, and which of them a station believes.
+"""Reports of assets and sensors, and the checks of their times.
 
-A report is dated by its own time, and never newer than its arrival; a report from the future or
-from before the last one is discarded.
+A report is dated by its own time, but never later than its arrival. A report from the future, or
+from before the last one, is discarded.
 """
 
 import math
@@ -15,42 +15,48 @@ from pa_console.schema.events.event import IncidentHappened, Level, Noticed
 from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task
 
 AHEAD_S = 2.0
-"""A message that claims to be from so far in the future comes from a wrong clock."""
+"""The largest accepted time of a report in the future, in seconds; beyond it, a clock is wrong."""
 
 BEHIND_S = 10.0
-"""Older detections, in real seconds, are set aside: a track is of what sensors see now."""
+"""The largest accepted age of detections, in real seconds; tracks show current detections."""
+
+REPEAT_S = 10.0
+"""The least time between two equal notices about one subject, in seconds."""
+
+MOST_SUBJECTS = 1000
+"""The largest number of separately counted notices; further ones are counted together."""
 
 
 @dataclass(frozen=True)
 class AssetReport:
-    """An asset's report of itself; the station concludes from `sent` how old that is."""
+    """An asset's report of its own state; the station computes its age from `sent`."""
 
     agent: str
     sent: datetime
-    """When the asset sent it, with a time zone; the arrival for an asset without a clock."""
+    """The time of sending, with a time zone; the time of arrival if the asset has no clock."""
     position: Point
-    """Metres in the world's frame."""
+    """The position in metres, in the world's frame."""
     heading_deg: float
-    """0 east, 90 north."""
+    """The heading in degrees: 0 is east, 90 is north."""
     speed_mps: float
     status: AssetStatus
     task: Task
     battery_pct: float | None
-    """None while it is not reported: then it counts as low."""
+    """The charge in percent; None if it is not reported, which counts as low."""
     command_id: str | None = None
-    """The command that it carries out, None for none."""
+    """The id of the command that the asset carries out; None if there is none."""
     manual: bool = False
-    """True while a person steers it: it is not available, and only holds are sent to it."""
+    """True while a person steers the asset. It is then not available and is sent only holds."""
     route: Sequence[Point] = ()
-    """Waypoints still ahead, metres."""
+    """The remaining waypoints, in metres."""
 
 
 @dataclass(frozen=True)
 class ContactReport:
-    """One detection of a vehicle or person that is not ours.
+    """One detection of a vehicle or person outside the team.
 
-    `signature` is the same for all detections of one contact. Without a `position` the sensor only
-    repeats earlier findings; `sigma_m` is the error of one axis, metres.
+    `signature` is the same in all detections of one contact. Without a `position`, the sensor only
+    repeats earlier findings. `sigma_m` is the standard deviation along one axis, in metres.
     """
 
     signature: str
@@ -61,9 +67,9 @@ class ContactReport:
     opinion: Intent = "unknown"
     noncombatants: bool = False
     warned_s: float | None = None
-    """Seconds since the contact was warned, None if it was not."""
+    """The seconds since the contact was warned; None if it was not."""
     emergency: bool = False
-    """True if it is seen to be an emergency vehicle."""
+    """True if the contact is recognised as an emergency vehicle."""
 
 
 @dataclass(frozen=True)
@@ -72,20 +78,16 @@ class SensorReport:
 
     sensor: str
     sent: datetime
-    """When the sensor sent it, with a time zone."""
+    """The time of sending, with a time zone."""
     contacts: Sequence[ContactReport] = ()
     team: Mapping[str, Point] = field(default_factory=dict[str, Point])
-    """The assets that it recognises, each with the place where it sees it."""
+    """The observed positions of the assets that the sensor recognises."""
     works: bool = True
-    """False for a camera that is out of order."""
-
-
-REPEAT_S = 10.0
-MOST_SUBJECTS = 1000
+    """False if the sensor is a camera that is out of order."""
 
 
 class Notices:
-    """Collects lines for the session log; a subject's repeated line appears once in REPEAT_S."""
+    """The notices for the session log; equal notices are emitted once in REPEAT_S and counted."""
 
     def __init__(self) -> None:
         self._lines: list[IncidentHappened | Noticed] = []
@@ -93,11 +95,11 @@ class Notices:
         self._more: dict[tuple[str, str], int] = {}
 
     def add(self, event: IncidentHappened | Noticed) -> None:
-        """Add `event` as it is."""
+        """Add `event` unchanged."""
         self._lines.append(event)
 
     def say(self, level: Level, subject: str, text: str, now_s: float, kind: str = "") -> None:
-        """Add a notice at `now_s`, unless one of the same `kind` was added just now."""
+        """Add a notice at `now_s`, unless one of the same `kind` was added within REPEAT_S."""
         key = (subject, kind or text)
         if key not in self._last and len(self._last) >= MOST_SUBJECTS:
             key = ("", kind)
@@ -118,20 +120,21 @@ class Notices:
 
 
 class Belief:
-    """Decides which reports are believed, and emits a notice about each that is not."""
+    """The checks that decide whether a report is accepted; each refused one causes a notice."""
 
     def __init__(self, dt_s: float, say: Callable[[Level, str, str, str], None]) -> None:
-        """`dt_s` is the station's step in seconds; `say` takes level, subject, text and kind."""
+        """Count ticks of `dt_s` seconds; pass notices to `say` (level, subject, text, kind)."""
         self._dt_s, self._say = dt_s, say
         self._latest: dict[str, datetime] = {}
-        """When the report of each asset that was believed last was sent."""
+        """The time of sending of the last accepted report of each asset."""
 
     def tick_of(
         self, sent: datetime, arrived: datetime, now: datetime, tick: int, rate: float = 1.0
     ) -> int | None:
-        """Return the tick of `sent` on a station's clock that is at `tick`; None for the future.
+        """Return the tick of `sent` on a station's clock that is at `tick`.
 
-        `rate` is the number of seconds on the robots' clock that pass in one.
+        Returns None if `sent` is in the future. `rate` is the number of seconds that pass on the
+        robots' clock in one real second.
         """
         if (sent - arrived).total_seconds() > AHEAD_S:
             return None
@@ -139,13 +142,13 @@ class Belief:
         return tick - max(0, math.ceil(age_s / self._dt_s))
 
     def ahead(self, name: str) -> None:
-        """Emit that the clock of `name` is ahead."""
+        """Emit a notice that the clock of `name` is ahead."""
         self._say(
             "alarm", name, "its clock is ahead of ours: what it reports is not believed", "ahead"
         )
 
     def is_latest(self, name: str, sent: datetime) -> bool:
-        """Return whether no later report of asset `name` was believed before; it is noted."""
+        """Return whether a report is not older than the last one of asset `name`, and record it."""
         if (latest := self._latest.get(name)) is not None and sent < latest:
             text = "its state is older than the one before: not believed"
             self._say("warning", name, text, "old")
@@ -154,7 +157,7 @@ class Belief:
         return True
 
     def is_recent(self, name: str, age_ticks: int, rate: float = 1.0) -> bool:
-        """Return whether detections of `name` that are `age_ticks` old still count."""
+        """Return whether detections of `name` that are `age_ticks` old are recent enough."""
         age_s = age_ticks * self._dt_s
         if age_s > BEHIND_S * rate:
             text = f"its detections are {age_s:.0f} s old, or its clock is behind: set aside"

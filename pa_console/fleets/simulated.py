@@ -1,6 +1,7 @@
-"""The fleet of a simulated checkpoint in this process, and the outlook from a picture alone.
+"""The simulated fleet in this process, and outlooks from a single picture.
 
-A forecast leaves a fleet too: a later step of an order is planned against it.
+The later steps of an order are planned against a `ForeseenFleet`, which is the result of the
+rehearsal of the earlier steps.
 """
 
 from collections.abc import Callable
@@ -17,31 +18,31 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.terrain import Terrain
 
 Authorize = Callable[[DeviceCommand], str | None]
-"""Returns the token that a command goes out with, None for none."""
+"""A function that returns the token for a command; None if it gets no token."""
 
 Verify = Callable[[str | None, DeviceCommand], str]
-"""Returns, at the vehicle, why a command with that token is refused; '' when it is taken."""
+"""A function that returns why a vehicle refuses a command with that token; '' if it accepts it."""
 
 
 @dataclass(eq=False)
 class SimulatedFleet:
-    """Drives `checkpoint`; an evaluation asks that for the truth, and nothing else does."""
+    """The fleet of a simulated `checkpoint`; only evaluations read the truth from `checkpoint`."""
 
     checkpoint: Checkpoint
     _authorize: Authorize | None = field(default=None, init=False)
     _tokens: dict[str, str | None] = field(default_factory=dict[str, str | None], init=False)
-    """The latest token of each command, by its id, until its device asks for it."""
+    """The latest token of each command, by its id, until the device verifies it."""
 
     @classmethod
     def start(cls, world: World, seed: int = 0, scenario: Scenario | None = None) -> Self:
-        """Return the assets of `world` on their watch, in `scenario` if one is given.
+        """Return the assets of `world` at their posts, in `scenario` if one is given.
 
-        Raises ValueError if an asset has no place.
+        Raises ValueError if there is no place for an asset.
         """
         return cls(Checkpoint(world, seed, scenario))
 
     def use(self, authorize: Authorize, verify: Verify) -> None:
-        """Let commands go out with tokens from now on, which the devices verify."""
+        """Send commands with tokens from now on; the devices verify them."""
         self._authorize = authorize
         tokens = self._tokens
         self.checkpoint.admit = lambda command: verify(
@@ -50,36 +51,36 @@ class SimulatedFleet:
 
     @property
     def world(self) -> World:
-        """The world that is simulated."""
+        """The simulated world."""
         return self.checkpoint.world
 
     @property
     def seed(self) -> int:
-        """The seed of the checkpoint's random draws."""
+        """The seed of the checkpoint's random numbers."""
         return self.checkpoint.seed
 
     @property
     def tick(self) -> int:
-        """Steps taken since the session began."""
+        """The number of steps since the session began."""
         return self.checkpoint.tick
 
     @property
     def time_s(self) -> float:
-        """Simulated seconds since the session began."""
+        """The simulated seconds since the session began."""
         return self.checkpoint.time_s
 
     def picture(self) -> Picture:
-        """Return telemetry as last reported, every `world.telemetry_period_s`."""
+        """Return the picture according to the last reports, every `world.telemetry_period_s`."""
         return self.checkpoint.picture()
 
     def send(self, command: DeviceCommand) -> None:
-        """Put `command` on the link; its device gets it at the next step and answers."""
+        """Send `command` over the link; its device receives and answers it at the next step."""
         if self._authorize is not None:
             self._tokens[command.command_id] = self._authorize(command)
         self.checkpoint.send(command)
 
     def step(self) -> Received:
-        """Advance by one `world.dt_s`; emit the scenario's incidents and the failed ones."""
+        """Advance by `world.dt_s`; return replies, incidents, and notices of skipped incidents."""
         replies = tuple(self.checkpoint.step())
         happened = self.checkpoint.take_incidents()
         skipped = self.checkpoint.take_skipped()
@@ -92,30 +93,30 @@ class SimulatedFleet:
         )
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show `assets`, and no others, as taken under manual control at this station; at once."""
+        """Show exactly `assets` as under manual control from this station, at once."""
         self.checkpoint.mark_manual(assets)
 
     def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
-        """Return what draws the present picture of `track` by `camera`, None for none."""
+        """Return a function that draws `track` as `camera` sees it now; None for no image."""
         return self.checkpoint.still(camera, track)
 
     def forecast(self) -> Forecast:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
+        """Return a simulation from the picture and the world only."""
         return self.checkpoint.forecast()
 
     def inject(self, incident: Incident) -> None:
         """Apply `incident` now; it appears in the picture once telemetry reports it.
 
-        Raises ValueError with the valid names for an unknown one.
+        Raises ValueError for an unknown name; the message lists the known names.
         """
         self.checkpoint.inject(incident)
 
     def close(self) -> None:
-        """Do nothing: there is no device to let go of."""
+        """Do nothing, because there is no device to release."""
 
 
 class ShownPicture:
-    """A picture reported by another station, and the forecast from it; it commands no asset."""
+    """An outlook from a single picture, such as another station's; it commands no asset."""
 
     def __init__(self, world: World) -> None:
         self._terrain = Terrain.of(world)
@@ -123,26 +124,26 @@ class ShownPicture:
 
     @property
     def world(self) -> World:
-        """The world of the fleet."""
+        """The world of the picture."""
         return self._terrain.world
 
     def show(self, picture: Picture | None) -> None:
-        """Use `picture` from now on; None before the first one."""
+        """Use `picture` from now on; None means that there is none yet."""
         self._picture = picture
 
     def picture(self) -> Picture:
-        """Return the picture; raises ValueError before there is one."""
+        """Return the picture; raises ValueError if there is none yet."""
         if self._picture is None:
             raise ValueError("no picture has been told yet")
         return self._picture
 
     def forecast(self) -> Checkpoint:
-        """Return a simulation of what the picture shows, built from it and the world alone."""
+        """Return a simulation from the picture and the world only."""
         return Checkpoint.ahead_of(self._terrain, self.picture())
 
 
 class ForeseenFleet(ShownPicture):
-    """The fleet of `world` in the picture that a rehearsal ended with; it commands no device."""
+    """The fleet in `picture`, with which a rehearsal ended; it commands no device."""
 
     def __init__(self, world: World, picture: Picture) -> None:
         super().__init__(world)
@@ -150,24 +151,24 @@ class ForeseenFleet(ShownPicture):
 
     @property
     def tick(self) -> int:
-        """The step of the fleet's clock at which the picture is foreseen."""
+        """The step of the fleet's clock for which the picture was forecast."""
         return self.picture().tick
 
     @property
     def time_s(self) -> float:
-        """The time of the picture on the fleet's clock, seconds."""
+        """The time of the picture on the fleet's clock, in seconds."""
         return self.picture().time_s
 
     def send(self, command: DeviceCommand) -> None:
-        """Refuse: raises RuntimeError, for there is no device."""
+        """Raise RuntimeError, because there is no device."""
         raise RuntimeError(f"{command.command_id} is for a fleet that is only foreseen")
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Do nothing: the picture shows who was under manual control when it was foreseen."""
+        """Do nothing; the picture keeps the assets that are under manual control in it."""
 
     def step(self) -> Received:
-        """Return nothing: the picture stands still."""
+        """Return nothing, because the picture does not change."""
         return Received()
 
     def close(self) -> None:
-        """Do nothing: there is no device to let go of."""
+        """Do nothing, because there is no device to release."""

@@ -1,8 +1,8 @@
-"""Fetches a camera's picture from its address, within limits, and makes a safe image of it.
+"""Snapshots of a camera, fetched from its address within limits and re-encoded for safety.
 
-A camera may be slow, send without end, or send something else than a picture. What is handed on
-has been decoded here and written anew, so nothing of the camera's own bytes reaches a screen, a
-browser or the log's folder.
+A camera may be slow, send without end, or send something that is not an image. The image is
+decoded and encoded again here, so that none of the camera's own bytes reach a screen, a browser or
+the log's folder.
 """
 
 import asyncio
@@ -12,17 +12,20 @@ from importlib import import_module
 from io import BytesIO
 
 MOST_S, MOST_BYTES, MOST_PIXELS = 5.0, 4_000_000, 24_000_000
-"""The longest wait, and the largest file and picture that are taken."""
+"""The longest wait in seconds, the largest file in bytes, and the largest image in pixels."""
 MOST_SIDE = 800
-"""Pixels of the longer side of what is kept."""
+"""The longest side of the resulting image, in pixels."""
 
 
 class SnapshotError(Exception):
-    """No picture, in words for the operator; the address is left out, it may hold a password."""
+    """Raised with words for the operator if there is no image.
+
+    The words leave out the address, which may contain a password.
+    """
 
 
 async def fetch_snapshot(url: str, limit_s: float = MOST_S) -> bytes:
-    """Return the picture at `url` as JPEG within `limit_s` seconds; raises SnapshotError."""
+    """Return the image at `url` as JPEG; raises SnapshotError on failure or after `limit_s`."""
     try:
         async with asyncio.timeout(limit_s):
             verify = await asyncio.to_thread(_load, url)
@@ -32,14 +35,14 @@ async def fetch_snapshot(url: str, limit_s: float = MOST_S) -> bytes:
 
 
 def _load(url: str) -> ssl.SSLContext | bool:
-    """Load the library, which takes a moment; return what certificates are checked with."""
+    """Import the HTTP library, which takes a moment; return the TLS context, or False for HTTP."""
     import_module("httpx2")
     return url.startswith("https:") and ssl.create_default_context()
 
 
 async def _content(url: str, verify: ssl.SSLContext | bool) -> bytes:
-    """Return what is at `url`, not unpacked; the reading ends where it is too much."""
-    import httpx2  # noqa: PLC0415 - only where a camera has an address
+    """Return the content at `url`, not decompressed; raises SnapshotError if it is too large."""
+    import httpx2  # noqa: PLC0415 - needed only if a camera has an address
 
     content = bytearray()
     plain = {"Accept-Encoding": "identity"}
@@ -62,13 +65,13 @@ async def _content(url: str, verify: ssl.SSLContext | bool) -> bytes:
 
 
 def safe_image(content: bytes) -> bytes:
-    """Return a picture written anew as JPEG of at most MOST_SIDE pixels; raises SnapshotError.
+    """Return an image, encoded again as JPEG with sides of at most MOST_SIDE pixels.
 
-    Only JPEG and PNG are read, of at most MOST_PIXELS.
+    Raises SnapshotError unless `content` is a JPEG or PNG of at most MOST_PIXELS.
     """
-    from PIL import Image  # noqa: PLC0415 - only where a picture is taken
+    from PIL import Image  # noqa: PLC0415 - needed only if an image is taken
 
-    # A large picture is refused below; nothing is to be written on the screen before.
+    # A large image is refused below. The warning would be written on the screen before that.
     warnings.simplefilter("ignore", Image.DecompressionBombWarning)
     try:
         with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as image:

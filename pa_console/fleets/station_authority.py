@@ -1,4 +1,4 @@
-"""The keys of one station in use: people's approvals are signed, and every command that is sent."""
+"""The use of a station's keys: it signs people's approvals and the commands that it sends."""
 
 import hashlib
 from collections import OrderedDict
@@ -31,27 +31,30 @@ from pa_console.schema.events.event import ApprovalRequested
 from pa_console.schema.mission import Decision
 
 MOST_SENT = 512
-"""The number of commands that can be signed anew when they are sent again."""
+"""The number of recent commands that can be signed again when they are sent again."""
 
 
 @dataclass(frozen=True)
 class Keys:
-    """The keys of a station: its own, and the name and key of the person at it."""
+    """The keys of a station and of the person at it."""
 
     station: Ed25519PrivateKey
+    """The station's private key."""
     person: str
+    """The name of the person at the station."""
     own: Ed25519PrivateKey
+    """The person's private key."""
     owner: str
     """The public key of the site's owner, in hexadecimal."""
     messages: tuple[str, ...]
-    """The newest signed roster, revocation and takeover, which vehicles go by."""
+    """The newest signed roster, revocation and takeover, which vehicles follow."""
 
 
 class StationAuthority:
-    """Signs for a station and the person at it, as far as the roster of the site allows.
+    """The signer for a station and the person at it, within the rights in the site's roster.
 
-    `authorize` is what a fleet is given: it returns the token of a command. A station learns by
-    `take` that another one has taken over, and moves nothing from then on.
+    A fleet calls `authorize` for the token of a command. `take` receives another station's
+    takeover; after it, this station signs no commands.
     """
 
     def __init__(
@@ -60,10 +63,10 @@ class StationAuthority:
         commanded: Iterable[str] = (),
         keep: Callable[[str], object] = lambda _message: None,
     ) -> None:
-        """`commanded` are the vehicles that were given an order in an earlier session.
+        """Sign with `keys`; `commanded` are the vehicles that had an order in earlier sessions.
 
-        `keep` is given every signed message that comes later and is taken. Raises ValueError when
-        the site's roster does not hold.
+        `keep` is called with every signed message that is accepted later. Raises ValueError if the
+        site's roster is not valid.
         """
         self.keys, self._public = keys, public_of(keys.station)
         self.trust = Trust(keys.owner)
@@ -77,7 +80,7 @@ class StationAuthority:
         self._sent: OrderedDict[str, Grounds] = OrderedDict()
         self._session, self._head = "", str
         self.now: Callable[[], float] = _no_time
-        """The clock that vehicles go by, in seconds since 1970."""
+        """The vehicles' clock, in seconds since 1970."""
 
     @property
     def person(self) -> str:
@@ -87,15 +90,15 @@ class StationAuthority:
     def begin(self, session: str, head: Callable[[], str], now: Callable[[], float]) -> None:
         """Sign for `session` from now on.
 
-        `head` is that of its log; `now` is the clock that the vehicles go by, in seconds since
-        1970.
+        `head` returns the head of its log, and `now` the time on the vehicles' clock, in seconds
+        since 1970.
         """
         self._session, self._head, self.now = session, head, now
         self._plan = None
         self._sent.clear()
 
     def take(self, message: str) -> str:
-        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
+        """Accept a signed roster, revocation or takeover; return the reason if refused, else ''."""
         known = set(self._signed.newest.values())
         why = self._signed.hear(message)
         for taken in self._signed.newest.values():
@@ -104,10 +107,10 @@ class StationAuthority:
         return why
 
     def take_command(self, commander: str, key: Ed25519PrivateKey) -> None:
-        """Sign that this station is in command from now on, with the `key` of that commander.
+        """Put this station in command, signed with the `key` of `commander`.
 
-        Receivers of the message, `newest`, no longer accept another station. Raises ValueError if
-        it is not valid, without changing anything.
+        The takeover is then in `newest`; its receivers no longer accept another station. Raises
+        ValueError, and changes nothing, if the takeover is not valid.
         """
         if not self.name:
             raise ValueError("this station is not in the roster: the owner of the site enrols it")
@@ -117,12 +120,12 @@ class StationAuthority:
 
     @property
     def newest(self) -> Mapping[str, str]:
-        """The newest signed message of each kind, which vehicles go by."""
+        """The newest signed message of each kind, which vehicles follow."""
         return self._signed.newest
 
     @property
     def refusal(self) -> str:
-        """The reason why this station may move nothing at present, '' when it may."""
+        """The reason why this station may not command any vehicle now; '' if it may."""
         trust = self.trust
         if trust.takeover.station != self._public:
             return f"this station is not in command: {trust.in_command}"
@@ -133,7 +136,7 @@ class StationAuthority:
         return ""
 
     def objection(self, rules: Rulebook) -> str:
-        """Return why vehicles would take nothing that was checked by `rules`, '' for nothing."""
+        """Return why vehicles would refuse plans checked by `rules`; '' if they accept them."""
         if rules.seal.content_sha256 in self.trust.roster.rules:
             return ""
         return (
@@ -142,9 +145,9 @@ class StationAuthority:
         )
 
     def objection_to(self, request_id: str, person: str, signature: str) -> str:
-        """Return the reason that a signature from elsewhere cannot count for a request here, or ''.
+        """Return why another station's signature cannot count for a request here; '' if it can.
 
-        `valid` checks that it approves the very plan of that request.
+        This does not compare the plan; `valid` does.
         """
         try:
             approval, _ = self.trust.approval(person, signature, self.now())
@@ -158,15 +161,15 @@ class StationAuthority:
         return ""
 
     def to_sign(self, request: ApprovalRequested, rules: Rulebook, person: str) -> UnsignedApproval:
-        """Return what `person` would sign elsewhere, to approve `request` here."""
+        """Return the approval of `request` for `person` to sign at another station."""
         return UnsignedApproval.of(self._approval_by(person, request, rules), self.now())
 
     def objection_to_signature(
         self, request: ApprovalRequested, rules: Rulebook, person: str, signature: str
     ) -> str:
-        """Return the reason that a signature from elsewhere does not approve this request, or ''.
+        """Return why another station's signature does not approve `request`; '' if it does.
 
-        The gate checks that it is not a repeated one.
+        The gate checks that the signature is not repeated.
         """
         if why := self.objection_to(request.request_id, person, signature):
             return why
@@ -177,16 +180,16 @@ class StationAuthority:
             return f"it cannot be read: {error}"
 
     def vouch(self, records: Records) -> str:
-        """Return this station's signature under records of its log that it shares."""
+        """Return this station's signature of shared `records` of its log."""
         return sign_records(self.keys.station, records, self.now())
 
     @property
     def name(self) -> str:
-        """The name of this station in the roster, '' when it is not in it."""
+        """The name of this station in the roster; '' if it is not in the roster."""
         return self.trust.roster.station_of(self._public)
 
     def fresh(self, agents: Collection[str]) -> frozenset[str]:
-        """Return the agents that have never got an order."""
+        """Return the agents that have never had an order."""
         return frozenset(agents) - self._commanded
 
     def signed(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> Decision:
@@ -198,7 +201,7 @@ class StationAuthority:
     def valid(
         self, request: ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> dict[str, str]:
-        """Return those signatures of `decision` that approve `request`, one for each own key.
+        """Return the signatures of `decision` that approve `request`, at most one for each key.
 
         Signatures for other orders, or by people who may not approve, are left out.
         """
@@ -216,7 +219,7 @@ class StationAuthority:
         return valid
 
     def grant(self, request: ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Sign the commands of an approved plan, and of its way to safety, from now on."""
+        """Allow the commands of an approved plan and of its way to safety to be signed."""
         approval = self._approval(request, decision, rules)
         approvals, by = self.valid(request, decision, rules), self.keys.person
         grounds = Grounds(
@@ -231,7 +234,10 @@ class StationAuthority:
         self._plan = frozenset(approval.orders), grounds
 
     def authorize(self, command: DeviceCommand) -> str | None:
-        """Return the token of `command`, None for a hold and for a command without approval."""
+        """Return the token of `command`; None for a hold or a command without approval.
+
+        None is also returned if this station may not command any vehicle.
+        """
         if command.verb == "hold" or self.refusal:
             return None
         grounds = self._sent.get(command.command_id)
@@ -248,7 +254,7 @@ class StationAuthority:
     def _approval(
         self, request: ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> Approval:
-        """Return what the person here approves of `request` with `decision`."""
+        """Return the approval of `request` that the person here gives with `decision`."""
         approval = self._approval_by(self.keys.person, request, rules)
         return replace(approval, kind="standing") if decision.standing else approval
 
@@ -265,9 +271,9 @@ class StationAuthority:
 def approval_of(
     request: ApprovalRequested, *, person: str, station: str, session: str, rules: str
 ) -> Approval:
-    """Return what `person` approves of a `request` of the station with that public key.
+    """Return the approval by `person` of a `request` from the station with that public key.
 
-    `rules` is the SHA-256 of the rule set that its plan was checked by.
+    `rules` is the SHA-256 of the rule set against which the plan was checked.
     """
     acts = {"override": request.needs_override, "acknowledge": bool(request.acknowledge)}
     actions = chain(request.plan.actions, request.if_halted)
@@ -285,7 +291,7 @@ def approval_of(
 
 
 def _difference(wanted: Approval, approval: Mapping[str, Any]) -> str:
-    """Return in which part a signed `approval` is for something else, '' where it is not."""
+    """Return the part in which a signed `approval` differs from `wanted`, in words; or ''."""
     for part in ("station", "session", "request", "plan", "rules"):
         if approval[part] != getattr(wanted, part):
             return f"{approval['person']} has signed another {part}"
@@ -297,14 +303,15 @@ def _difference(wanted: Approval, approval: Mapping[str, Any]) -> str:
 
 
 class Vehicles:
-    """The verifiers of a simulation's vehicles, one each, for tokens and commands."""
+    """The verifiers of a simulation's vehicles, one for each vehicle."""
 
     def __init__(
         self, agents: Iterable[str], owner: str, messages: Iterable[str], now: Callable[[], float]
     ) -> None:
-        """`owner` is the public key of the site's owner; the vehicles go by the clock `now`.
+        """Make a verifier for each of `agents`, all with the clock `now`.
 
-        `messages` are the signed ones that they receive first.
+        `owner` is the public key of the site's owner. `messages` are the signed messages that the
+        vehicles receive first.
         """
         self._verifiers = {agent: Verifier(agent, owner, now=now) for agent in agents}
         self._signed = SignedMessages(self._tell)
@@ -313,12 +320,12 @@ class Vehicles:
 
     @property
     def in_command(self) -> str:
-        """The station that the vehicles follow, in words."""
+        """A sentence that names the station in command, which the vehicles follow."""
         first = next(iter(self._verifiers.values()), None)
         return first.trust.in_command if first is not None else "there is no vehicle"
 
     def take(self, message: str) -> str:
-        """Pass a signed message to every vehicle; return why one refuses it, '' if all take it."""
+        """Pass a signed message to every vehicle; return why one refuses it; '' if none does."""
         return self._signed.hear(message)
 
     def _tell(self, message: str) -> str:
@@ -326,7 +333,7 @@ class Vehicles:
         return next(filter(None, found), "")
 
     def verify(self, token: str | None, command: DeviceCommand) -> str:
-        """Return why the command's agent refuses it with that token, '' when it is taken."""
+        """Return why the command's agent refuses it with that token; '' if it accepts it."""
         return self._verifiers[command.agent].verify(token, command)
 
 

@@ -1,4 +1,4 @@
-"""The part that links with a thread of their own share: their news, and how they are opened."""
+"""The common base of links that have their own thread: their news and their opening."""
 
 import time
 from collections import deque
@@ -9,28 +9,28 @@ from typing import TypeVar
 from pa_console.fleets.link import Link, LinkNews, LinkNotice
 
 MOST_NEWS = 20_000
-"""The news that may wait to be taken; the oldest gives way."""
+"""The largest number of waiting news; beyond it, the oldest are dropped."""
 
 PATIENCE_S = 10.0
-"""The longest wait for a robot when a link is opened, seconds."""
+"""The longest wait for a connection when a link is opened, in seconds."""
 
 
 class ThreadedLink:
-    """Passes news from the thread of a link to the station's."""
+    """The queue of news from the thread of a link to the thread of the station."""
 
     def __init__(self, name: str) -> None:
         self.name = name
-        """The name on the screen."""
+        """The name of the link on the screen."""
         self._news: deque[LinkNews] = deque(maxlen=MOST_NEWS)
         self._arrived = Event()
 
     def take(self) -> Sequence[LinkNews]:
-        """Return what came in since the last call, in order of arrival."""
+        """Return the news since the last call, in order of arrival."""
         self._arrived.clear()
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def wait(self, seconds: float) -> bool:
-        """Wait until there is news, for `seconds` at most; return whether there is."""
+        """Wait for news, for `seconds` at most; return whether there is any."""
         return self._arrived.wait(seconds)
 
     def _tell(self, news: LinkNews) -> None:
@@ -38,7 +38,7 @@ class ThreadedLink:
         self._arrived.set()
 
     def _guarded(self, work: Callable[[], object]) -> None:
-        """Do one thing; no message ends the session that it reaches."""
+        """Call `work`; report an error as a notice, so that no message ends the session."""
         try:
             work()
         except Exception as error:
@@ -52,7 +52,7 @@ L = TypeVar("L", bound=Link)
 def opened(link: L, url: str, remedy: str) -> L:
     """Return `link` once it has a connection.
 
-    Closes it and raises ValueError with the remedy if there is none within PATIENCE_S.
+    If there is none within PATIENCE_S, close the link and raise ValueError with the remedy.
     """
     until_s = time.monotonic() + PATIENCE_S
     while link.problem and time.monotonic() < until_s:

@@ -1,1 +1,1 @@
-"""Settings: their schema, their sources, and the user's file."""
+"""The settings, with their schema, their sources and the user's file."""

@@ -1,4 +1,4 @@
-"""The schema of all settings, from which file, screen and help are made."""
+"""The schema of all settings, on which the file, the settings screen and the help are based."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,10 @@ ENV_PREFIX = "PA_CONSOLE_"
 
 
 def _whole(path: Path) -> Path:
-    """Return `path` with `~` resolved; a relative path would depend on the working folder."""
+    """Return `path` with `~` expanded.
+
+    Raises ValueError for a relative path, because its meaning would depend on the working folder.
+    """
     path = path.expanduser()
     if not path.is_absolute():
         raise ValueError("give the whole path, or one that begins with ~")
@@ -23,7 +26,7 @@ def _whole(path: Path) -> Path:
 
 
 def _witness(target: str) -> str:
-    """Return the file or the address of a witness, `~` resolved."""
+    """Return the address or the file of a witness, with `~` expanded; raises ValueError."""
     if not target or target.startswith(("http://", "https://")):
         return target
     if "://" in target:
@@ -32,14 +35,14 @@ def _witness(target: str) -> str:
 
 
 def _collector(address: str) -> str:
-    """Return the address of a collector."""
+    """Return the address of a collector; raises ValueError if it is not valid."""
     if address and not (address.startswith(("http://", "https://")) and urlsplit(address).netloc):
         raise ValueError("give an address with http:// or https://, such as http://127.0.0.1:4318")
     return address
 
 
 def _tak_server(address: str) -> str:
-    """Return the address of a TAK server."""
+    """Return the address of a TAK server; raises ValueError if it is not valid."""
     if address and not (address.startswith(("tcp://", "tls://")) and urlsplit(address).netloc):
         raise ValueError("give an address with tls:// or tcp://, such as tls://tak.example:8089")
     return address
@@ -297,7 +300,7 @@ class Settings(BaseModel):
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting for its user; `limits` is empty if every value of the type is valid."""
+    """The description of one setting; `limits` is empty if every value of the type is valid."""
 
     name: str
     title: str
@@ -316,7 +319,7 @@ class Setting:
 
 @cache
 def describe_settings() -> Mapping[str, Setting]:
-    """Return every field of the schema by name, in the schema's order."""
+    """Return the descriptions of all settings by name, in the order of the schema."""
     properties: Mapping[str, Mapping[str, Any]] = Settings.model_json_schema()["properties"]
     return {
         name: Setting(
@@ -344,7 +347,7 @@ def _limits(about: Mapping[str, Any]) -> str:
 
 
 def value_text(value: object) -> str:
-    """Return a value as a user types it; empty for None."""
+    """Return a value in the form in which a user types it; '' for None."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):

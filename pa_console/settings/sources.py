@@ -1,6 +1,6 @@
-"""Settings merged from command line, environment, file and defaults, each with its origin.
+"""The settings from command line, environment, file and defaults, each with its origin.
 
-The file is changed one field at a time, atomically, with its comments kept.
+Changes of the file are atomic, concern one field at a time, and keep the comments.
 """
 
 import json
@@ -31,9 +31,11 @@ SECRET_VARIABLES = (
     f"{ENV_PREFIX}ALERT",
     f"{ENV_PREFIX}ALERT_LATER",
 )
-"""Variables that are no settings: secrets stand in no file of settings."""
+"""The variables with secrets, which are not settings and never in the settings file."""
 EXPORTED = ("cache", "signing_key")
-"""Settings that lower layers and child processes read from the environment."""
+"""The settings that lower layers and child processes read from the environment."""
+HEAD = "# Settings of PA Console; `pa-console settings show` lists them all.\n"
+"""The first line of a new settings file."""
 
 SettingSource = Literal["command line", "environment", "file", "default"]
 
@@ -56,8 +58,8 @@ def settings_file() -> Path:
 class LoadedSettings:
     """The settings in force, with their sources.
 
-    Values `given` on the command line come from `--set`, or from the verb's own option for names in
-    `options`.
+    Values in `given` are from the command line. Those with names in `options` are from an option of
+    the verb, and all others from `--set`.
     """
 
     path: Path
@@ -85,7 +87,7 @@ class LoadedSettings:
         return SettingOrigin("default")
 
     def error(self, field: FieldPath, problem: str) -> DocumentError:
-        """Return the error with `problem` about `field`, at the origin of its value."""
+        """Return the error about `field` with `problem`, at the origin of its value."""
         origin = self.origin(str(field[0])) if field else SettingOrigin("file")
         if origin.source in ("command line", "environment"):
             rest = ".".join(map(str, field[1:]))
@@ -109,26 +111,26 @@ class LoadedSettings:
         return _merged(replace(self, given={**self.given, **given}, options=options))
 
     def again(self) -> "LoadedSettings":
-        """Return the settings with the file read again; the other sources stay."""
+        """Return the settings with the file read again and the other sources unchanged."""
         return _merged(replace(self, document=_read(self.path)))
 
 
 def load_settings(given: Mapping[str, object] | None = None) -> LoadedSettings:
-    """Merge `given` (the command line), the environment, the user's file and the defaults.
+    """Return the settings from `given` (the command line), environment, user's file and defaults.
 
-    Raises DocumentError that names file and line, variable or option of an invalid value.
+    Raises DocumentError with file and line, variable or option if a value is not valid.
     """
     path = settings_file()
     return _merged(LoadedSettings(path, given or {}, _environment(), _read(path), Settings()))
 
 
 def default_settings() -> LoadedSettings:
-    """Return the defaults alone, for a user's file that cannot be used."""
+    """Return only the defaults, for use if the user's file is not valid."""
     return LoadedSettings(settings_file(), {}, {}, None, Settings())
 
 
 def unknown_variables() -> list[str]:
-    """Return the PA_CONSOLE_... variables of the environment without a meaning."""
+    """Return the unknown PA_CONSOLE_... variables in the environment."""
     known = {f"{ENV_PREFIX}{name.upper()}" for name in Settings.model_fields}
     known |= {FILE_VARIABLE, *SECRET_VARIABLES}
     return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
@@ -144,9 +146,9 @@ def _mapping(document: Document | None) -> dict[str, object]:
 
 
 def _environment() -> dict[str, object]:
-    """Return the values of the PA_CONSOLE_... variables, in upper or lower case; empty gives none.
+    """Return the values of the PA_CONSOLE_... variables, in upper or lower case.
 
-    Raises DocumentError for keys that are not JSON.
+    Empty variables are ignored. Raises DocumentError if the setting `keys` is not JSON.
     """
     given = {name.upper(): text for name, text in os.environ.items() if text}
     named = {name: given.get(f"{ENV_PREFIX}{name.upper()}") for name in Settings.model_fields}
@@ -164,7 +166,11 @@ def _environment() -> dict[str, object]:
 
 
 def _merged(loaded: LoadedSettings) -> LoadedSettings:
-    """Return the settings with the values of all sources, the first one first, validated."""
+    """Return the settings with the validated values of all sources.
+
+    The command line has precedence over the environment, and the environment over the file. Raises
+    DocumentError if a value is not valid.
+    """
     document = loaded.document
     if document is not None and not isinstance(document.value, dict | None):
         raise document.error((), "expected lines like `theme: pa-console-light`")
@@ -179,7 +185,7 @@ def _merged(loaded: LoadedSettings) -> LoadedSettings:
 
 
 def _worded(field: FieldPath, problem: str, kind: str) -> str:
-    """Return the problem of `field` with its remedy."""
+    """Return the problem with `field` and a remedy, in words."""
     about = describe_settings()
     name = str(field[0]) if field else ""
     if kind == "extra_forbidden":
@@ -197,29 +203,26 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
 
 
 def problem_text(message: str) -> str:
-    """Return a validator's message without the library's own preamble."""
+    """Return a validator's message without the library's preamble."""
     return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
 
 
-HEAD = "# Settings of PA Console; `pa-console settings show` lists them all.\n"
-
-
 def save_setting(path: Path, name: str, value: object) -> None:
-    """Write `name: value` into the file at `path`, a new one if needed; None removes the field.
+    """Write `name: value` into the file at `path`, or remove the field if `value` is None.
 
-    The rest of the file stays as it was written. Raises DocumentError if the file is not YAML,
-    OSError if it cannot be written.
+    The file is made if it does not exist. The rest of the file remains unchanged. Raises
+    DocumentError if the file is not YAML, and OSError if it cannot be written.
     """
-    path = path.resolve()  # a link to the file stays one
+    path = path.resolve()  # a symbolic link to the file is kept
     text = read_text(path) if path.exists() else HEAD
     write_atomically(path, changed_text(str(path), text, name, value))
 
 
 def changed_text(source: str, text: str, name: str, value: object) -> str:
-    """Return the settings file `text` with `name: value`, or without the field if it is None.
+    """Return the settings file `text` with `name: value`, or without the field if `value` is None.
 
-    Raises DocumentError, with `source` as the name of the file, if `text` is not such a file or
-    would not be one with that value.
+    Raises DocumentError, with `source` as the name of the file, if `text` or the result is not a
+    valid settings file.
     """
     document = Document(source, text)
     if not isinstance(document.value, dict | None):
@@ -231,7 +234,7 @@ def changed_text(source: str, text: str, name: str, value: object) -> str:
     if _has_content(changed, wanted):
         return changed
     whole = HEAD + (yaml.safe_dump(wanted, sort_keys=False) if wanted else "")
-    Document(source, whole)  # a file that cannot be read back is not written
+    Document(source, whole)  # raises DocumentError rather than write a file that cannot be read
     return whole
 
 
@@ -251,7 +254,7 @@ def _edited(document: Document, text: str, name: str, value: object) -> str:
 
 
 def _end(node: yaml.Node) -> int:
-    """Return the end of a node's content; the end mark of a block is after later comments."""
+    """Return the end of a node's content, because a block's end mark includes later comments."""
     if isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         return _end(cast(yaml.Node, last[1] if isinstance(last, tuple) else last))
@@ -266,7 +269,10 @@ def _has_content(text: str, wanted: dict[str, object]) -> bool:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Write `text` to `path` so that a reader sees the old file or the new one; raise OSError."""
+    """Write `text` to `path` in one step, so that readers see the old or the new file.
+
+    Raises OSError.
+    """
     make_private_folder(path.parent)
     replace_private(path, text.encode(), mode_of(path))
 

@@ -1,4 +1,4 @@
-"""Agents beside a session: let in at a port of a console, or on stdin and stdout."""
+"""Agents at a port of a console, or on stdin and stdout."""
 
 import asyncio
 import os
@@ -27,9 +27,10 @@ NOBODY = "nobody sits at this session: it examines proposals and carries none ou
 
 @contextmanager
 def admit_agents(opened: LiveSession, observer: Observer) -> Generator[Observer]:
-    """Yield an observer of the session that also lets agents in at its port, as long as it lasts.
+    """Admit agents at the session's port while the context lasts, and yield an observer.
 
-    Raises ValueError for a port that cannot be listened on.
+    The observer passes events to the agents and to `observer`. Raises ValueError if the port cannot
+    be used.
     """
     problems: list[str] = []
 
@@ -56,7 +57,7 @@ def admit_agents(opened: LiveSession, observer: Observer) -> Generator[Observer]
 def join_agent(url: str) -> int:
     """Connect the agent on stdin and stdout to a running console; return the exit code.
 
-    Raises ValueError without a token.
+    Raises ValueError if there is no token.
     """
     token = os.environ.get(TOKEN_VARIABLE, "")
     if not token:
@@ -69,9 +70,9 @@ def join_agent(url: str) -> int:
 
 
 def serve_agent(options: SessionOptions, settings: LoadedSettings, name: str) -> int:
-    """Serve one agent on stdin and stdout in a session of its own; return the exit code.
+    """Serve one agent on stdin and stdout in a separate session; return the exit code.
 
-    There is no operator, so every proposal is rejected after its examination.
+    Every proposal is rejected after its examination, because there is no operator.
     """
     values = settings.values
     with Runner() as loop:

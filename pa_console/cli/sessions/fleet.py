@@ -1,4 +1,4 @@
-"""The fleet that `--fleet` names, and the keys that sign for it; its links are imported then."""
+"""The fleet for `--fleet`, and the keys that sign for it; its modules are imported when needed."""
 
 import hashlib
 import os
@@ -31,14 +31,13 @@ if TYPE_CHECKING:
     from pa_console.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
-"""The certificates of a station, of its second connection, which only receives, and of a console
-that joins its session."""
+"""The certificates of a station, of its connection for telemetry, and of a joined console."""
 FIRST_REPORTS_S = 5.0
-"""The longest wait for a first report of each asset on a link, seconds."""
+"""The longest wait for a report from every asset on a link, in seconds."""
 
 
 class DrivenFleet(NamedTuple):
-    """The fleet of a session, and the part of it on a message bus; None for a simulated one."""
+    """The fleet of a session and the part of it on a message bus; None for a simulated fleet."""
 
     fleet: "MqttFleet | LinkedFleet | None" = None
     bus: "MqttFleet | None" = None
@@ -46,18 +45,19 @@ class DrivenFleet(NamedTuple):
 
 @dataclass(frozen=True)
 class FoundFleet:
-    """The world to open, with the robots that joined it on a bus, and the links to others."""
+    """The world to open, the bus that was joined, and the links to other robots."""
 
     world: str
+    """The world, including the robots that joined on the bus."""
     joined: "JoinedBus | None" = None
     world_sha256: str = ""
-    """The SHA-256 of the file before any robot joined."""
+    """The SHA-256 of the world file without the robots that joined."""
     links: "tuple[Link, ...]" = ()
 
     def drive(self, site: "Site", authority: "StationAuthority | None") -> DrivenFleet:
         """Return the fleet of `site` on the bus and the links; `authority` signs commands.
 
-        Raises ValueError when the bus has another world, and for an asset on two links.
+        Raises ValueError if the bus has another world, or if an asset is on two links.
         """
         try:
             bus = self._bus(site, authority)
@@ -82,16 +82,16 @@ class FoundFleet:
         return fleet_of(self.joined, site.world, self.world_sha256, authority)
 
     def close(self) -> None:
-        """Let go of everything that no fleet has taken over."""
+        """Close the links and the bus if they do not belong to a fleet yet."""
         for link in self.links:
             link.close()
         if self.joined is not None:
             self.joined.link.close()
 
     def clock(self, own: Clock) -> Clock:
-        """Return the clock of the robots, or `own` without robots.
+        """Return the clock of the robots, or `own` if there are none.
 
-        A paced site waits for the mission; any other runs at its own speed.
+        A paced site waits for the mission. Other robots run at their own speed.
         """
         if self.joined is None:
             return DevicesClock() if self.links else own
@@ -102,7 +102,7 @@ class FoundFleet:
 
 
 def _verify(fleet: "LinkedFleet", authority: "StationAuthority") -> "Verify":
-    """Return the check of tokens for the assets on links, which cannot check one themselves."""
+    """Return the verification of tokens for assets on links, which cannot verify them."""
     from pa_console.fleets.station_authority import Vehicles  # noqa: PLC0415 - only with keys
 
     keys = authority.keys
@@ -123,9 +123,10 @@ def find_fleet(
     settings: Settings,
     scenario: str | None,
 ) -> FoundFleet:
-    """Join the bus and open the links at `urls`; raises ValueError, or DocumentError for the world.
+    """Join the bus and open the links at `urls`.
 
-    A world that robots have joined is kept beside the folder of logs, where a replay finds it.
+    If robots join the world, it is stored beside the folder of logs, where a replay finds it.
+    Raises ValueError, and DocumentError if the world is not valid.
     """
     if not urls:
         return FoundFleet(world)
@@ -160,7 +161,7 @@ def find_fleet(
 
 
 def _join_bus(url: str, certificates: Path | None, world: str, settings: Settings) -> FoundFleet:
-    """Join the bus at `url`; raises ValueError, or DocumentError for the world."""
+    """Join the bus at `url`; raises ValueError, and DocumentError if the world is not valid."""
     from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415
     from pa_console.fleets.vda5050.station_link import join, with_newcomers  # noqa: PLC0415
     from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
@@ -187,9 +188,10 @@ def _join_bus(url: str, certificates: Path | None, world: str, settings: Setting
 def claim_credentials(
     address: "BrokerAddress", certificates: Path | None, role: str
 ) -> "Credentials | None":
-    """Return certificates of `role` for one connection, until it ends; None where it needs none.
+    """Return credentials of `role` for one connection; None if the bus is not encrypted.
 
-    Raises ValueError as `certificate_folder` does, and when other programs use all of them.
+    Raises ValueError in the cases of `certificate_folder`, and if other programs use all of the
+    certificates.
     """
     from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
 
@@ -198,9 +200,9 @@ def claim_credentials(
 
 
 def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
-    """Return the folder of certificates for a bus, None for one without encryption.
+    """Return the folder of certificates for a bus; None if the bus is not encrypted.
 
-    Raises ValueError when they are missing, or in vain.
+    Raises ValueError if the folder is missing, or given for a bus that is not encrypted.
     """
     if address.tls and certificates is None:
         raise ValueError(f"{address} needs --certificates FOLDER, of 'pa-console site init FOLDER'")
@@ -210,7 +212,7 @@ def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> P
 
 
 def _keep(text: str, name: str, logs: Path) -> Path:
-    """Write a world where the replay of a log in `logs` looks for it."""
+    """Write a world to the place where the replay of a log in `logs` finds it; return its path."""
     folder = logs.parent / "worlds"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.yaml"
@@ -219,13 +221,13 @@ def _keep(text: str, name: str, logs: Path) -> Path:
 
 
 def load_authority() -> "StationAuthority | None":
-    """Return what signs approvals and commands of this machine, None where a site has no keys.
+    """Return the signer of this machine's approvals and commands; None if there are no site keys.
 
-    Raises SigningError for keys that cannot be used, ValueError for a roster that does not hold.
+    Raises SigningError if a key cannot be used, and ValueError if the roster is not valid.
     """
     if not (site_keys() / SITE_OWNER).exists():
         return None
-    from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys only
+    from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
     from pa_console.fleets.station_authority import StationAuthority  # noqa: PLC0415
 
     folder = KeyFolder(ask=ask_passphrase)
@@ -233,7 +235,7 @@ def load_authority() -> "StationAuthority | None":
 
 
 def ask_passphrase(name: str) -> str:
-    """Return the passphrase of a key: that of PA_CONSOLE_PASSPHRASE, or as it is typed."""
+    """Return the passphrase of a key from PA_CONSOLE_PASSPHRASE, or as typed on the terminal."""
     if given := os.environ.get(PASSPHRASE_VARIABLE):
         return given
     if not sys.stdin.isatty():

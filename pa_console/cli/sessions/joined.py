@@ -1,4 +1,4 @@
-"""The session of another station on this console: watched, countersigned, and taken over."""
+"""The session of another station on this console, to watch, countersign and take over."""
 
 import secrets
 from collections.abc import Generator
@@ -32,7 +32,7 @@ CONNECT_S = 5.0
 
 @dataclass(frozen=True)
 class FoundSession:
-    """The session that is shared on a bus, what has happened in it, and the keys of the site."""
+    """A session that is shared on a bus, with its events so far and the keys of the site."""
 
     log: SharedLog
     before: list[Event]
@@ -41,7 +41,7 @@ class FoundSession:
 
 @contextmanager
 def shared_session(url: str, certificates: Path | None) -> Generator[FoundSession]:
-    """Find the session that is shared at `url`; raises ValueError when there is none, or no key."""
+    """Yield the session that is shared at `url`; raises ValueError if there is none, or no key."""
     folder = KeyFolder(ask=ask_passphrase)
     if not folder.made:
         raise ValueError(
@@ -64,7 +64,7 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
 
 @dataclass(frozen=True)
 class JoinedSession:
-    """A session that was joined, with its world and rules, as long as its context lasts."""
+    """A joined session with its world and rules, valid within its context."""
 
     station: JoinedStation
     world: World
@@ -72,9 +72,9 @@ class JoinedSession:
     succession: Succession
 
     def show(self, settings: LoadedSettings, *, plain: bool) -> bool:
-        """Show the session until it is left; return whether it was left to take command.
+        """Show the session until the operator leaves; return whether it was left to take command.
 
-        Raises Exit with its code where a signal ended it.
+        Raises typer.Exit if a signal ended it.
         """
         if plain:
             from pa_console.cli.sessions.plain import run_joined_plain  # noqa: PLC0415
@@ -88,12 +88,12 @@ class JoinedSession:
         return takes
 
     def command_question(self) -> str:
-        """Return what taking command would do; raises ValueError where it cannot be taken."""
+        """Return the question before command is taken; raises ValueError if it cannot be taken."""
         authority = self.succession.prepare(self.station.started)
         return self.station.command_question(authority.trust.next_epoch, authority.name)
 
     def take_command(self, opened: LiveSession) -> None:
-        """Take command for a session that is ready to begin; raises ValueError where that fails."""
+        """Take command for a session that is ready to start; raises ValueError if that fails."""
         if opened.bus is None or not opened.bus.connected:
             raise ValueError("there is no connection to the broker")
         taken = self.succession.take(opened.bus.publish_signed)
@@ -101,12 +101,12 @@ class JoinedSession:
 
     @property
     def opening(self) -> str:
-        """The line shown while the console that takes command opens."""
+        """The line that is shown while the console that takes command opens."""
         return f"Opening the console that takes command; {self.station.station} commands ..."
 
     @contextmanager
     def told_unless_taken(self) -> Generator[None]:
-        """Report that the other station keeps command if this ends before it was taken."""
+        """Report that the other station keeps command, if the block ends before it was taken."""
         try:
             yield
         finally:
@@ -143,7 +143,7 @@ def joining(
 ) -> Generator[JoinedSession]:
     """Join the session at `url`, with the world and rules of `options`, while the context lasts.
 
-    Raises ValueError when there is no session, no key here, or its world or rules are not here.
+    Raises ValueError if there is no session, or if key, world or rules are missing here.
     """
     with shared_session(url, options.certificates) as found:
         log, folder, address = found.log, found.folder, found.log.link.address
@@ -172,7 +172,7 @@ def joining(
 
 
 def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> World:
-    """Return the world of the session, which may be `given`; raises ValueError where it is not."""
+    """Return the world of the session, which may be `given`; raises ValueError if it is missing."""
     started = _started_of(events)
     near = (settings.values.logs or default_folder()) / "log"
     found = SessionSites((given,)).world_file(started, near)
@@ -185,7 +185,7 @@ def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> W
 
 
 def _started_of(events: list[Event]) -> SessionStarted:
-    """Return how the session was started; raises ValueError where it does not begin with that."""
+    """Return the first event of the session; raises ValueError if it is not its start."""
     started = events[0].data
     if not isinstance(started, SessionStarted):
         raise ValueError("what is shared does not begin with the start of a session")

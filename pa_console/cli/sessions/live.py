@@ -1,4 +1,4 @@
-"""Opens the session of every front end: its site, its station, its log; new, or going on."""
+"""The live session of every front end, new or resumed, with its site, station and log."""
 
 import sys
 from collections.abc import Callable, Generator
@@ -45,12 +45,12 @@ if TYPE_CHECKING:
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 
 SHOWN = 5
-"""The number of missions and alarms that are named; the rest are counted."""
+"""The number of missions and alarms that are listed; the rest are counted."""
 
 
 @dataclass(frozen=True)
 class LiveSession:
-    """A session that is about to begin: a station with its model, and where its log goes."""
+    """A session that is ready to start: its station, its model and the place of its log."""
 
     options: SessionOptions
     settings: Settings
@@ -58,18 +58,18 @@ class LiveSession:
     station: ControlStation
     engine: Engine
     duration_s: float
-    """Simulated seconds that its scenario lasts; 0 without one."""
+    """The duration of the scenario in simulated seconds; 0 if there is none."""
     resumed_log: Path | None
-    """The log of a session that goes on, None for a new one."""
+    """The log of a resumed session; None for a new session."""
     bus: "MqttFleet | None"
-    """The part of its fleet that is on a message bus, if there is one."""
+    """The part of the fleet on a message bus, if there is one."""
     authority: "StationAuthority | None"
-    """The keys that sign its approvals and commands, None where a site has none."""
+    """The signer of approvals and commands; None if the site has no keys."""
 
     def open_log(self, on_error: Callable[[LogError], None] = warn) -> LogWriter:
-        """Open the log, and share it with others on the bus; raises LogError if that fails.
+        """Open the log, and share it on the bus; raises LogError if the log cannot be opened.
 
-        A script's session ends with its mission and is not shared.
+        The session of a script is not shared, because it ends with its mission.
         """
         writer = open_log(
             self.settings,
@@ -91,7 +91,7 @@ class LiveSession:
 
     @contextmanager
     def logged(self, writer: LogWriter, end: Callable[[int], None]) -> Generator[None]:
-        """Log the session in the block to `writer`; `end` is given a signal that ends it."""
+        """Log the session in the block to `writer`; `end` is called with a signal to end it."""
         with end_signals(end), writer:
             self.station.write_to(writer)
             if not self.options.stepped:
@@ -108,10 +108,10 @@ def open_live(
 ) -> LiveSession:
     """Open the session for the options; raises DocumentError or ValueError if it cannot be opened.
 
-    Where they ask for a sandbox, the confinement is tried before anything else is opened.
-    `engine` is called for the model once the site is loaded. `authority` has the keys to sign with,
-    if they were loaded before. Rules that are refused, and a session that was not closed, are shown
-    and asked about on the terminal.
+    If the options require a sandbox, the confinement is tested before anything else. `engine` is
+    called for the model once the site is loaded. `authority` has the keys for signatures, if they
+    have already been loaded. If the rules are refused, or a session was not closed, the operator is
+    asked on the terminal.
     """
     if options.require_sandbox:
         require_all(try_out())
@@ -161,7 +161,7 @@ def open_live(
 
 
 def _open_site(world: str, options: SessionOptions, pins: RulesPins, deadline_s: float) -> Site:
-    """Load world and rules; the operator may accept refused rules on the terminal."""
+    """Return the world and the rules; the operator may accept refused rules on the terminal."""
 
     def load(*, accept: bool) -> Site:
         return load_site(
@@ -182,7 +182,7 @@ def _open_site(world: str, options: SessionOptions, pins: RulesPins, deadline_s:
 
 
 def _accepted(error: ValueError) -> bool:
-    """Ask on the terminal whether refused rules go in force all the same; Enter means no."""
+    """Return whether the operator accepts refused rules on the terminal; Enter means no."""
     errors.print_line(str(error), style="bold red")
     return sys.stdin.isatty() and typer.confirm("Put these rules in force?", default=False)
 
@@ -190,11 +190,12 @@ def _accepted(error: ValueError) -> bool:
 def choose_session(
     folder: Path, site: Site, model_sha256: str, scenario: str | None, wanted: bool | None
 ) -> tuple[ResumedSession, Path] | None:
-    """Return the unclosed session of the site's world and its log, if it is to continue.
+    """Return the unclosed session of the site's world with its log, if it is to be resumed.
 
-    It prints what was under way. `wanted` is the answer from the command line; otherwise the
-    operator is asked, and without a terminal a new session begins. If a session cannot be resumed,
-    the reason is printed and a new one begins; raises ValueError if it was explicitly `wanted`.
+    Its open missions and alarms are printed. `wanted` is the answer from the command line; if it is
+    None, the operator is asked. Without a terminal, a new session starts. If the session cannot be
+    resumed, the reason is printed and a new session starts; if it is `wanted`, ValueError is raised
+    instead.
     """
     if wanted is False:
         return None
@@ -228,7 +229,7 @@ def _asked() -> bool:
 
 
 def _problem(found: UnclosedSession, site: Site, model_sha256: str, scenario: str | None) -> str:
-    """Return why the session cannot go on as it was; empty when it can be tried."""
+    """Return why the session cannot be resumed; '' if it may be possible."""
     started = found.started
     if scenario is not None and scenario not in (started.scenario, f"{started.scenario}.yaml"):
         played = f"the scenario {started.scenario!r}" if started.scenario else "no scenario"
@@ -247,7 +248,7 @@ def _problem(found: UnclosedSession, site: Site, model_sha256: str, scenario: st
 
 
 def _scenario_of(found: UnclosedSession, site: Site) -> Scenario | None:
-    """Return the scenario of the session, None without one; ValueError when it has changed."""
+    """Return the scenario of the session, if it has one; raises ValueError if it has changed."""
     started = found.started
     if not started.scenario:
         return None
@@ -258,7 +259,7 @@ def _scenario_of(found: UnclosedSession, site: Site) -> Scenario | None:
 
 
 def _tell(found: UnclosedSession) -> None:
-    """Show the session that was left open, and its open missions, alarms and stop."""
+    """Print the session that was not closed, with its open missions, alarms and stop."""
     state, started = found.state, found.started
     picture = state.picture
     at = f", {clock_text(picture.time_s)} into it" if picture is not None else ""

@@ -1,4 +1,4 @@
-"""Opens the log of a session for the verbs that have one, with its index and its witness."""
+"""The log of a session, with its index and its witness, and the lookup of recorded logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,10 +25,10 @@ def open_log(
     *,
     resumed: bool = False,
 ) -> LogWriter:
-    """Open a signed log: at `path`, or a new one in the folder of logs, which its index notes.
+    """Open a signed log at `path`, or a new one in the folder of logs and its index.
 
-    The log of a `resumed` session, which is in that folder, goes on where it ended. Raises
-    ValueError for a `witness` that is none, LogError when the log cannot be opened.
+    The log of a `resumed` session is continued. Raises ValueError if `witness` is not valid, and
+    LogError if the log cannot be opened.
     """
     folder = settings.logs or default_folder()
     target = witness_target(witness) if witness else ""
@@ -46,9 +46,9 @@ def open_log(
 
 
 def recorded_log(context: typer.Context, given: Path) -> Path:
-    """Return the log that a verb is to read: a file, a session's id, how it begins, or `last`.
+    """Return the log that is `given` as a file, an id or its beginning, or `last`.
 
-    Raises ValueError if there is no such log, or several begin so.
+    Raises ValueError if there is no such log, or if the beginning is ambiguous.
     """
     if given.is_file():
         return given
@@ -60,7 +60,7 @@ def recorded_log(context: typer.Context, given: Path) -> Path:
 
 
 def witness_target(given: str) -> str:
-    """Return the address or the whole path of a witness; raises ValueError for another scheme."""
+    """Return the address or the absolute path of a witness; raises ValueError if not valid."""
     if given.startswith(URLS):
         return given
     if "://" in given:
@@ -72,22 +72,22 @@ def witness_target(given: str) -> str:
 
 
 def warn_of_witness(text: str) -> None:
-    """Report on stderr the problem of a witness."""
+    """Report a problem with a witness on stderr."""
     errors.print_line(f"warning: {text}", style="yellow")
 
 
 def warn(error: LogError) -> None:
-    """Report at once that the log, or its index, cannot be written."""
+    """Report at once that the log or its index cannot be written."""
     errors.print_line(f"warning: {error}", style="bold red")
 
 
 def usual_file() -> Path:
-    """Return where the usual times of a mission's steps are kept for this user."""
+    """Return the file with this user's usual times of the steps of a mission."""
     return platformdirs.user_state_path("pa-console") / "usual-times.json"
 
 
 def tell_of_witness(log: LogWriter) -> None:
-    """Report on stderr whether a log's witness lacks its last head; the log is closed by now."""
+    """Report on stderr if the witness did not get the last head of a log, which is closed."""
     if log.witness_problem:
         warn_of_witness(f"the witness did not get the log's last head: {log.witness_problem}")
 

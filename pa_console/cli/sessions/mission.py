@@ -1,4 +1,4 @@
-"""The session of `pa-console mission`: a station without a screen, its log, and what came of it."""
+"""The session of `pa-console mission`: a station without a screen, its log, and its result."""
 
 import errno
 import signal
@@ -65,10 +65,10 @@ def run_mission(
     choose: int = 0,
     json: bool,
 ) -> None:
-    """Run the missions of the verb, with `setup` as YAML; raises Exit with the exit code.
+    """Run the missions of the verb, with `setup` as YAML; raises typer.Exit with the exit code.
 
-    Without a `standing` approval, the user at the terminal decides on the plan. If the order is
-    questioned, choice number `choose` is taken, 0 for none.
+    Without a `standing` instruction, the user at the terminal decides on the plan. If the order
+    leads to a question, the choice with the number `choose` is taken, unless it is 0.
     """
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, or --scenario NAME, or both")
@@ -133,7 +133,7 @@ def _tell_end(
     single: bool,
     json: bool,
 ) -> None:
-    """Print what became of the missions; raises Exit with the exit code, or `unlogged`."""
+    """Print the results of the missions; raises typer.Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
     asked = [trace for trace in traces if _is_asked_back(trace)]
     if code == EXIT_CODES["held"] and asked:
@@ -160,7 +160,7 @@ def _tell_end(
 
 
 def _is_asked_back(trace: MissionTrace) -> bool:
-    """Return whether a meaning must be chosen; a person who rejected has chosen none."""
+    """Return whether the mission ended with a question that nobody at a terminal has answered."""
     if trace.status not in ("held", "rejected"):
         return False
     made = trace.decision
@@ -169,7 +169,7 @@ def _is_asked_back(trace: MissionTrace) -> bool:
 
 
 def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approver:
-    """Return an approver that first takes a choice or another reading by its number."""
+    """Return an approver that first takes the choice, or the reading, with that number."""
     taken = False
 
     def decide(request: ApprovalRequested) -> Decision | Awaitable[Decision]:
@@ -190,7 +190,7 @@ def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approve
 
 
 def read_event(number: int, text: str) -> Incident:
-    """Read one --event; raises DocumentError naming the option and the field."""
+    """Return the incident of one --event; raises DocumentError with the option and the field."""
     document = Document(f"--event {number}", text)
     try:
         return TypeAdapter[Incident](Incident).validate_python(document.value)
@@ -200,7 +200,7 @@ def read_event(number: int, text: str) -> Incident:
 
 
 class _Progress:
-    """Shows each step on stderr, and on a terminal the present wait and its duration.
+    """The progress on stderr: each step and, on a terminal, the present wait with its duration.
 
     A session that cannot be logged is ended.
     """
@@ -213,10 +213,10 @@ class _Progress:
         model: str,
         observer: Observer,
     ) -> None:
-        """`model` is the SHA-256 of the model, whose usual times are kept."""
+        """Use the usual times of the model with the SHA-256 `model`."""
         self._station = station
         self._told: list[QuestionAnswered] = []
-        """The answer given at the terminal already."""
+        """The answers that were already shown on the terminal."""
         self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
         self._waiting = Waiting(load_usual(usual_file(), model))
@@ -224,17 +224,17 @@ class _Progress:
         """The latest state of the session."""
         self._recorded: set[str] = set()
         self.answers: list[QuestionAnswered] = []
-        """The answers to questions that are still to be shown, the first one first."""
+        """The answers to questions that have not been shown yet, in order."""
         self._observe = observer
 
     @property
     def traces(self) -> list[MissionTrace]:
-        """All missions; a mission without its end in the log counts as not ended."""
+        """All missions; a mission whose end is not in the log counts as not ended."""
         missions = self.state.missions.items()
         return [t if name in self._recorded else replace(t, status=None) for name, t in missions]
 
     def show(self, event: Event, state: SessionState) -> None:
-        """Take in one event; raises LogError when the log is behind."""
+        """Show one event; raises LogError if the log cannot be written."""
         self.state = state
         self._observe(event)
         if isinstance(event.data, QuestionAnswered) and event.data not in self._told:
@@ -262,9 +262,10 @@ class _Progress:
         return f"model {worker.state} {worker.detail}" if worker is not None else "starting"
 
     async def ask(self, request: ApprovalRequested) -> Decision:
-        """Return the operator's answer on the terminal, the progress line out of the way.
+        """Return the operator's decision on the terminal; the progress line is hidden meanwhile.
 
-        A question of the operator's is answered first, and the plan is asked about again.
+        If the operator asks a question, it is answered first, and then the decision is requested
+        again.
         """
         self._status.stop()
         show_request(request, self.state.current)

@@ -1,4 +1,4 @@
-"""What goes on beside a session: traces, metrics, alerts, a TAK map, and reports from outside."""
+"""The observers of a session (traces, metrics, alerts, TAK map) and sources of outside reports."""
 
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -16,7 +16,7 @@ from pa_console.terminal.output import errors
 
 @dataclass(frozen=True)
 class Beside:
-    """The observers of a session: `observer` takes its events, `outside` has reports for it."""
+    """The observers of a session; `observer` receives its events, `outside` has reports for it."""
 
     observer: Observer
     outside: Outside | None = None
@@ -29,7 +29,7 @@ class _Together:
     sources: Sequence[Outside]
 
     def news(self) -> list[OutsideReport]:
-        """Return the new reports of all of them."""
+        """Return the new reports of all sources."""
         return [report for source in self.sources for report in source.news()]
 
 
@@ -39,9 +39,9 @@ def observing(
 ) -> Generator[Beside]:
     """Yield the observers of a session; their problems are reported at the end.
 
-    Changes of the connection to a TAK server are reported meanwhile if stderr is `live`: no screen
-    is over it. Raises ValueError for a port that cannot be listened on, for a library that is
-    missing, for an address for alerts that is none, and for a world without a place on the earth.
+    If stderr is `live` (not covered by a screen), changes of the connection to a TAK server are
+    reported at once. Raises ValueError if a port cannot be used, a library is missing, an address
+    for alerts is not valid, or the world has no place on the earth.
     """
     problems: list[str] = []
     asked = Observing(
@@ -57,7 +57,7 @@ def observing(
             also, sources = list[Observer](), list[Outside]()
             if settings.tak:
                 with naming_what_is_missing("tak", "TAK maps need"):
-                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - then only
+                    from pa_console.cli.sessions.on_map import on_map  # noqa: PLC0415 - only if used
                 shown = stack.enter_context(
                     on_map(settings, options.world, problems.append, report_change)
                 )
@@ -76,7 +76,7 @@ def observing(
 
 @contextmanager
 def _alerting(options: SessionOptions, settings: Settings) -> Generator[Alerting]:
-    """Yield the alerts about a session; raises ValueError for an address that is none."""
+    """Yield the alerts about a session; raises ValueError if an address is not valid."""
     with naming_what_is_missing("alert", "alerts need"):
         from pa_console.observability.alert_delivery import AlertDelivery, receivers  # noqa: PLC0415
 

@@ -39,12 +39,11 @@ class OnMap:
 def on_map(
     settings: Settings, world: str, tell: Callable[[str], None], say: Callable[[str], None]
 ) -> Generator[OnMap]:
-    """Connect to the TAK server of `settings` and yield both directions.
+    """Connect to the TAK server of `settings`, and yield both directions of the connection.
 
     At the end, `tell` gets a warning if events were not shown. `say` gets each change of the
-    connection, from another thread.
-
-    Raises ValueError for an unusable server, certificate or origin.
+    connection, on another thread. Raises ValueError if the server, the certificate or the origin is
+    not valid.
     """
     certificate = Certificate.of(settings.tak_certificate, settings.tak_key, settings.tak_authority)
     server = TakServer.parse(settings.tak, certificate)
@@ -77,31 +76,32 @@ def on_map(
 
 
 def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -> SiteOnMap:
-    """Return the site, named `name` or after the world; `origin` overrides the world's file.
+    """Return the site, called `name` or like the world; `origin` overrides the world's file.
 
-    Raises ValueError for an invalid origin or name, and for a world without a place on the earth.
+    Raises ValueError if the origin or the name is not valid, or if the world has no place on the
+    earth.
     """
     geography = geography_of(world, origin, "--origin, --tak-origin")
     return SiteOnMap(world, geography, name or world.name, replay)
 
 
 class JoinedEvents:
-    """The events from the bus; notices about the connection go to `tell`."""
+    """The events of a session on a bus; notices about the connection are passed to `tell`."""
 
     def __init__(
         self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
     ) -> None:
-        """`before` are the events so far; only the last of their pictures is emitted."""
+        """Start with the events `before`, of whose pictures only the last is emitted."""
         self.world = world
         self._log, self._before, self._tell = log, before, tell
 
     @property
     def title(self) -> str:
-        """Whose session it is, and where."""
+        """The station and the address of the session, in words."""
         return f"the session of {self._log.stream.station} at {self._log.link.address}"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events as they come, None now and then, until the session or `ended` ends them."""
+        """Yield events as they arrive, and None regularly, until the session or `ended` ends."""
         taken, problem = self._before, ""
         while not ended():
             pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
@@ -120,7 +120,7 @@ class JoinedEvents:
 
 @dataclass(frozen=True)
 class RecordedEvents:
-    """The recorded events, at their pace or another; each has the time when it is shown."""
+    """The events of a recorded session at a given speed, each with the time of its display."""
 
     recording: Recording
     log: Path
@@ -129,11 +129,11 @@ class RecordedEvents:
 
     @property
     def title(self) -> str:
-        """The id of the session, and its pace."""
+        """The id of the session and its speed, in words."""
         return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events when they are due, None now and then, until the last or `ended`."""
+        """Yield events when they are due, and None regularly, until the last one or `ended`."""
         begun, first = time.monotonic(), datetime.now(UTC)
         for number in range(len(self.recording)):
             due_s = self.recording.timeline.seconds[number] / self.speed

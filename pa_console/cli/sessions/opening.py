@@ -1,4 +1,4 @@
-"""The session of a console: the model is found while what it needs is imported."""
+"""The session of a console, whose model is located while its modules are imported."""
 
 from asyncio import Runner
 from collections.abc import Generator
@@ -32,10 +32,10 @@ def open_console(
     plain: bool,
     joined: "JoinedSession | None" = None,
 ) -> None:
-    """Open a session of this station's own behind `frame`, and run its console.
+    """Open a session of this station behind `frame`, and run its console.
 
-    Where a session was `joined`, command is taken from it. Raises typer.Exit for a session that was
-    ended from outside or failed.
+    If a session was `joined`, command of it is taken. Raises typer.Exit if a signal ended the
+    session, or if it failed.
     """
     values = settings.values
     with Runner() as loop, ExitStack() as observes:
@@ -49,7 +49,7 @@ def open_console(
                 chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
             )
             found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
-            from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - meanwhile
+            from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - imported meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
             beside = observes.enter_context(observing(values, options))
@@ -69,7 +69,7 @@ def open_console(
                 require_keys("use 'pa-console mission' in scripts, or --plain")
             observer = beside.observer
             if options.agents:
-                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - only if used
 
                 observer = observes.enter_context(admit_agents(opened, observer))
             prepared = run(opened, settings, observer)
@@ -88,7 +88,7 @@ def open_console(
 
 @contextmanager
 def _stopped_when_left() -> Generator[Progress]:
-    """Yield a progress callback that stops the preparing of weights once this is left."""
+    """Yield a progress callback that stops the preparation of weights once the block has ended."""
     left = Event()
 
     def going_on(_done: int, _total: int, _text: str) -> None:

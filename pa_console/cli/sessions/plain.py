@@ -1,4 +1,4 @@
-"""The session of `pa-console console --plain`: its own or a joined one, in lines."""
+"""The session of `pa-console console --plain`, live or joined, in lines."""
 
 import asyncio
 import signal
@@ -25,9 +25,10 @@ from pa_console.views.waiting import Waiting, load_usual, save_usual
 def run_plain(
     opened: LiveSession, settings: LoadedSettings, observer: Observer
 ) -> Callable[[Runner], int]:
-    """Open the log; return what runs the lines and returns the signal that ended them, 0 for none.
+    """Open the log; return a function that runs the console in lines.
 
-    Raises LogError when the log cannot be opened.
+    The function returns the signal that ended the console, or 0. Raises LogError if the log cannot
+    be opened.
     """
     model, values = opened.engine.model.sha256, settings.values
     writer = opened.open_log()
@@ -49,7 +50,7 @@ def run_plain(
 
 
 async def run_lines(console: SessionLines) -> None:
-    """Run a console over the lines of standard input until it is left."""
+    """Run a console on the lines of standard input until the operator leaves."""
     loop = asyncio.get_running_loop()
     lines = InputLines(loop)
     loop.add_signal_handler(signal.SIGINT, console.interrupted)
@@ -62,7 +63,7 @@ async def run_lines(console: SessionLines) -> None:
 
 
 def _output(values: Settings) -> LineOutput:
-    """Return the terminal as a console in lines uses it, with the delay and the bell as set."""
+    """Return the output of a console in lines, with the delay and the bell of the settings."""
 
     def call() -> None:
         if values.bell and sys.stdout.isatty():
@@ -82,9 +83,9 @@ def say(text: str) -> None:
 def run_joined_plain(
     station: JoinedStation, values: Settings, command_question: Callable[[], str] | None
 ) -> tuple[bool, int]:
-    """Follow a session in lines until it ends or is left.
+    """Show a joined session in lines until it ends or the operator leaves.
 
-    Return whether it was left to take command, and the signal that ended it, 0 for none.
+    Returns whether it was left to take command, and the signal that ended it, or 0.
     """
     console = JoinedConsole(station, _output(values), command_question)
     endable = EndableRun()

@@ -1,4 +1,4 @@
-"""Recorded sessions: shown on the console, verified, run again, and compared with each other."""
+"""Recorded sessions, which are shown on the console, verified, simulated again and compared."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
     from pa_console.tui.app import Opening
 
 CHANGES = 12
-"""The number of different values that are printed; --json has all."""
+"""The largest number of differences that are printed; --json has all."""
 
 
 def read_recording(log: Path) -> Recording:
-    """Open `log` for a replay; raises LogError when not even one line of it is good."""
+    """Return `log`, opened for a replay; raises LogError if not even one line of it is valid."""
     with TransientBar(f"reading {log.name}", of_bytes=True) as bar:
         return Recording.read(log, bar.show, cache=index_folder())
 
 
 def play(log: Path, world: str | None, settings: LoadedSettings) -> None:
-    """Show the recording, with the world and the rules that it names."""
+    """Show the recording on the console, with the world and the rules of the session."""
     recording = read_recording(log)
     _run_console(_site_of(recording, log, world), recording, settings)
 
@@ -64,8 +64,8 @@ def play(log: Path, world: str | None, settings: LoadedSettings) -> None:
 def _run_console(
     site: Site, recording: Recording, settings: LoadedSettings, opening: "Opening | None" = None
 ) -> None:
-    """Run the console over the recording, until it is left; `opening` shows other screens first."""
-    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only when it is shown
+    """Show the recording on the console until the operator leaves; `opening` opens more screens."""
+    from pa_console.tui.app import ConsoleApp  # noqa: PLC0415 - only if it is shown
 
     require_keys("use --verify or --compare in scripts")
     app = ConsoleApp(
@@ -85,9 +85,9 @@ def _run_console(
 
 
 def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
-    """Return the world and the rules of a session, and report their changes since.
+    """Return the world and the rules of a session, and report if they have changed since.
 
-    Raises LogError for a file that is no session, ValueError when its world is not installed here.
+    Raises LogError if the file is not a session, and ValueError if its world is missing here.
     """
     started = recording.started
     site = load_site(world_of(started, world, log), started.rules, unsigned=True)
@@ -97,9 +97,9 @@ def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
 
 
 def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
-    """Return where the session's world is: given, installed, or in the evaluation of its log.
+    """Return the place of the session's world: given, installed, or in the evaluation of its log.
 
-    Raises ValueError when it is nowhere.
+    Raises ValueError if there is none.
     """
     name = given or started.world
     if find_data("worlds", name, "world.yaml").is_file():
@@ -114,7 +114,7 @@ def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
 
 @dataclass(frozen=True)
 class ReplaySetup:
-    """The world, rules and scenario of a session that are not installed here as they were."""
+    """The world, scenario and rules of a session, if the original ones are not installed here."""
 
     world: str | None = None
     scenario: str | None = None
@@ -123,9 +123,9 @@ class ReplaySetup:
 
 @dataclass(frozen=True)
 class Again:
-    """The result of a session that was run again; `line` is that of the first other telemetry.
+    """The result of a session that was simulated again; `line` is that of the first difference.
 
-    `decided` is None when the rules of the session are not here.
+    `decided` is None if the rules of the session are missing here.
     """
 
     twin: Resimulation
@@ -135,20 +135,20 @@ class Again:
 
     @property
     def equal(self) -> bool:
-        """True if everything came out as it was recorded."""
+        """True if everything is equal to the record."""
         return self.twin.equal and self.decided is not None and not self.decided.flips
 
     def document(self) -> dict[str, Any]:
-        """Return all of it for `--json`."""
+        """Return the result in the form for `--json`."""
         decided = None if self.decided is None else asdict(self.decided)
         return {**asdict(self.twin), "first_line": self.line, "decided": decided}
 
 
 def _run_again(log: Path, place: ReplaySetup) -> Again:
-    """Run the session of `log` again with its recorded decisions and answers.
+    """Simulate the session of `log` again with its recorded decisions and answers.
 
-    Raises ValueError (DocumentError) when its world or scenario is not here, LogError for a file
-    that is no session.
+    Raises ValueError (or DocumentError) if its world or scenario is missing here, and LogError if
+    the file is not a session.
     """
     recording = read_recording(log)
     started = recording.started
@@ -166,9 +166,10 @@ def _run_again(log: Path, place: ReplaySetup) -> Again:
 
 
 def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
-    """Run the session of `log` again and report the result; leaves with 1 for a difference.
+    """Simulate the session of `log` again, and print the result; a difference exits with code 1.
 
-    A log that cannot be read to its end is compared up to there, and then raises its LogError.
+    A log that cannot be read to its end is compared up to that place, and then its LogError is
+    raised.
     """
     again = _run_again(log, place)
     if json:
@@ -182,7 +183,7 @@ def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
 
 
 def _print_again(log: Path, again: Again) -> None:
-    """Print what came out equal, and what did not."""
+    """Print which parts of a session are equal to the record, and which are not."""
     twin, decided = again.twin, again.decided
     if twin.equal:
         out.print_line(
@@ -219,7 +220,7 @@ def _print_again(log: Path, again: Again) -> None:
 def _original_world(
     sites: SessionSites, started: SessionStarted, given: str | None, log: Path
 ) -> tuple[World, Path]:
-    """Return the session's world by its hash, or the one given in its place."""
+    """Return the session's world, found by its hash, or the one given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
         errors.print_line(f"note: {given} is not the world of this session as it was then")
@@ -234,7 +235,7 @@ def _situation(
 ) -> Scenario | None:
     """Return the session's scenario, if it had one, or the one given in its place.
 
-    Raises ValueError when the one of its name is not the one that its log pins.
+    Raises ValueError if the scenario with that name has another hash than in the log.
     """
     played = given or started.scenario
     if not played:
@@ -261,9 +262,10 @@ def _events(recording: Recording) -> Iterator[Event]:
 
 
 def compare_logs(first: Path, second: Path, json: bool) -> None:
-    """Print where the logs differ, if they do; leaves with FAILED then.
+    """Print the differences between two logs; if there are any, exit with FAILED.
 
-    Logs that are equal up to where one of them cannot be read raise its LogError.
+    If a log cannot be read to its end and there is no difference up to that place, its LogError is
+    raised.
     """
     a, b = read_recording(first), read_recording(second)
     with errors.status("comparing") as status:
@@ -288,8 +290,8 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
 
 
 def show_compared(first: Path, second: Path, world: str | None, settings: LoadedSettings) -> None:
-    """Open the console on the first log, with both at the point of difference over it."""
-    from pa_console.tui.app import comparison  # noqa: PLC0415 - only when it is shown
+    """Show the first log on the console, with the comparison of both logs on top."""
+    from pa_console.tui.app import comparison  # noqa: PLC0415 - only if it is shown
     from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
 
     recording = read_recording(first)
@@ -346,9 +348,10 @@ def _short(text: str) -> str:
 
 @dataclass(frozen=True)
 class TrustedKeys:
-    """Fingerprints of keys that may have signed besides this machine's, or none at all.
+    """The fingerprints of trusted keys in addition to this machine's keys.
 
-    `witness` is the file with the heads that a witness has seen.
+    With `unsigned`, a log without a signature is accepted as well. `witness` is the file with the
+    heads that a witness has received.
     """
 
     keys: frozenset[str] = frozenset()
@@ -356,17 +359,17 @@ class TrustedKeys:
     witness: Path | None = None
 
     def accepts(self, result: VerifyResult) -> bool:
-        """Return whether a log is vouched for as far as it has to be."""
+        """Return whether a log is signed with a trusted key, or need not be signed."""
         unsigned = self.unsigned and result.ok and result.standing == "not signed"
         return result.intact or unsigned
 
 
 def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json: bool) -> None:
-    """Report if a log is sound; a sound one is run again at `place`, unless that is None.
+    """Print whether a log is sound; with `place`, simulate a sound log again.
 
-    Leaves with BAD_INPUT for damage, also to what the index of sessions or the witness tells of;
-    with FAILED for a log that is sound but not vouched for, or that did not come out equal. Raises
-    ValueError for what is no fingerprint.
+    Exits with BAD_INPUT for damage, including damage that the index or the witness reveals. Exits
+    with FAILED if a sound log is not signed with a trusted key, or if its simulation differs.
+    Raises ValueError if a key is not a fingerprint.
     """
     for given in trust.keys:
         if not is_fingerprint(given):
@@ -422,7 +425,7 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
 
 
 def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> None:
-    """Report if the log has all heads that its witness has seen."""
+    """Print whether the log has all heads that its witness has received."""
     if not seen.ok:
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
         errors.print_line(f"{place}: {seen.problem}")

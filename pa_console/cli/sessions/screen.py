@@ -22,10 +22,10 @@ from pa_console.views.waiting import load_usual, save_usual
 def run_screen(
     opened: LiveSession, settings: LoadedSettings, observer: Observer, frame: OpeningFrame
 ) -> Callable[[Runner], int]:
-    """Open the log; return what runs the screen and returns the signal that ended it, 0 for none.
+    """Open the log; return a function that runs the screen.
 
-    The screen begins where `frame` covers the terminal. Raises LogError when the log cannot be
-    opened.
+    The function returns the signal that ended the screen, or 0. The screen takes the place of
+    `frame` on the terminal. Raises LogError if the log cannot be opened.
     """
     site, station, model = opened.site, opened.station, opened.engine.model.sha256
 
@@ -69,9 +69,9 @@ def run_screen(
 
 
 def keep_loaded() -> None:
-    """Keep garbage collection away from the objects loaded by now, which live until the end.
+    """Exclude the objects loaded so far, which live until the end, from garbage collection.
 
-    With 1,000 assets a collection would hold the screen up for 70 ms. Present garbage stays: to
-    search for it would take 80 ms before the first paint.
+    With 1,000 assets, a collection would delay the screen by 70 ms. Present garbage is not
+    collected first, because that would delay the first paint by 80 ms.
     """
     gc.freeze()

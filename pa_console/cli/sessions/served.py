@@ -1,4 +1,4 @@
-"""The session of `pa-console serve`: a station in real time, its log, and the interface to it."""
+"""The session of `pa-console serve`: a station in real time, its log, and its HTTP interface."""
 
 import asyncio
 import signal
@@ -25,9 +25,10 @@ from pa_console.terminal.output import FAILED, errors, out
 
 
 def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) -> int:
-    """Serve a new session until Ctrl-C, SIGTERM or its own end; return the exit code.
+    """Serve a new session until Ctrl-C, SIGTERM or its end; return the exit code.
 
-    Raises DocumentError or ValueError for what cannot be opened, LogError for a log that cannot be.
+    Raises DocumentError or ValueError if the session cannot be opened, and LogError if its log
+    cannot be opened.
     """
     values = settings.values
     with (
@@ -43,7 +44,7 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
             tokens = token_book(opened.authority.trust if opened.authority else None)
             writer, observer = opened.open_log(), beside.observer
             if options.agents:
-                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - then only
+                from pa_console.cli.sessions.agents import admit_agents  # noqa: PLC0415 - only if used
 
                 observer = observes.enter_context(admit_agents(opened, observer))
         except BaseException:
@@ -99,7 +100,7 @@ async def _serve(
 
 
 def _greet(address: str, tokens: TokenBook) -> None:
-    """Show the address of the interface, and the access token."""
+    """Print the address of the interface and, if there is no token yet, an access token."""
     out.print_line(f"{address}/docs")
     offer_token(tokens, "session")
     errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")

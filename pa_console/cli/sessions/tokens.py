@@ -1,4 +1,4 @@
-"""Makes, lists and revokes the tokens with which clients are let in."""
+"""The access tokens of clients: made, listed and revoked."""
 
 import getpass
 import re
@@ -12,19 +12,19 @@ from pa_console.terminal.output import errors, out, print_json
 
 
 def token_book(trust: Trust | None = None) -> TokenBook:
-    """Return the tokens of this machine's user, as far as the roster `trust` lets them in.
+    """Return the tokens of this machine's user, with the roles in the roster of `trust`.
 
-    Without it that of the site on this machine is used, if there is one.
+    `trust` is by default that of the site on this machine, if there is one.
     """
     if trust is None and (site_keys() / SITE_OWNER).exists():
-        from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - where there are keys
+        from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
 
         trust = KeyFolder().trust()
     return TokenBook(key_path().with_name(TOKENS_FILE), _role_of(trust) if trust else None)
 
 
 def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
-    """Make a token and show it, this once."""
+    """Make a token, and print it; it cannot be shown again."""
     name = person or this_user()
     token = token_book().make(name, role)
     if json:
@@ -35,7 +35,7 @@ def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
 
 
 def show(*, json: bool = False) -> None:
-    """List the tokens; only their hashes are stored, so none is revealed."""
+    """Print the id, person and role of each token; only hashes of tokens are stored."""
     book = token_book()
     rows = book.listed()
     if json:
@@ -48,7 +48,7 @@ def show(*, json: bool = False) -> None:
 
 
 def revoke(name: str, *, json: bool = False) -> None:
-    """Revoke a token: it is refused from the next request on."""
+    """Revoke a token, which is refused from the next request on."""
     gone = token_book().revoke(name)
     if json:
         print_json({"revoked": _told(gone)})
@@ -57,7 +57,10 @@ def revoke(name: str, *, json: bool = False) -> None:
 
 
 def offer_token(tokens: TokenBook, lasting: str) -> None:
-    """Show a token of this machine's user where none was made; it is `lasting` and not kept."""
+    """Print a token for this machine's user, which is not stored, unless there are tokens already.
+
+    `lasting` is its validity in words.
+    """
     if tokens.listed():
         return
     person = this_user()
@@ -69,7 +72,7 @@ def offer_token(tokens: TokenBook, lasting: str) -> None:
 
 
 def this_user() -> str:
-    """Return the name of this machine's user, as a token may have it."""
+    """Return the name of this machine's user in the form for a token."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", getpass.getuser()).strip("-_") or "operator"
 
 

@@ -1,7 +1,7 @@
-"""The console in a browser: `textual-serve` behind tokens, on loopback, for one browser at a time.
+"""The console in a browser: `textual-serve` with tokens, on loopback, for one browser at a time.
 
-Every browser gets a console with its own session, so there is at most one; a second browser has to
-wait. An operator does not wait for an observer.
+Each console in a browser has its own session, so there is only one at a time. A second browser has
+to wait, but an operator replaces an observer.
 """
 
 import asyncio
@@ -30,16 +30,18 @@ from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.terminal.output import errors, out
 
 COOKIE = "pa-console-{port}"
-"""The name of a browser's cookie: a browser sends it to every port of this address, and only the
-port in its name takes it."""
+"""The name of a browser's cookie, with the port.
+
+A browser sends its cookies to every port of this address, so the name must differ for each port.
+"""
 LOOK_S = 5.0
-"""Seconds between two checks that the token of an open console still holds."""
+"""The time between two checks of the token of an open console, in seconds."""
 CLOSE_S = 1.0
-"""Time for a browser to answer that its window is closed, in seconds."""
+"""The longest wait for a browser to confirm that its window is closed, in seconds."""
 LEAVE_S = 20.0
-"""Seconds that a console has to bring its assets to safety and to close its log."""
+"""The longest wait for a console to bring its assets to safety and close its log, in seconds."""
 WRONG = (0.5, 10)
-"""Wrong tokens a second, and at once."""
+"""The limit of wrong tokens, per second and at once."""
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -62,9 +64,9 @@ input,button{font:inherit;padding:.4em;width:100%;box-sizing:border-box;margin:.
 def serve_console(command: Sequence[str], port: int) -> int:
     """Serve the console that `command` opens until Ctrl-C or SIGTERM; return the exit code.
 
-    Raises ValueError for a port that cannot be listened on.
+    Raises ValueError if the port cannot be used.
     """
-    for library in ("textual-serve", "aiohttp"):  # they would write tracebacks
+    for library in ("textual-serve", "aiohttp"):  # these would write tracebacks to the terminal
         logging.getLogger(library).addHandler(logging.NullHandler())
         logging.getLogger(library).propagate = False
     with listen(port) as listening:
@@ -74,7 +76,7 @@ def serve_console(command: Sequence[str], port: int) -> int:
 
 
 class ServedConsole(Server):
-    """Serves one console at a time, to browsers with a token."""
+    """The server of one console at a time, for browsers with a token."""
 
     def __init__(self, command: Sequence[str], tokens: TokenBook, listening: Listening) -> None:
         port: int = listening.getsockname()[1]
@@ -84,16 +86,16 @@ class ServedConsole(Server):
         self._hosts = {f"{name}:{port}" for name in NAMES}
         self._cookie = COOKIE.format(port=port)
         self._let_in: dict[str, str] = {}
-        """The token of each browser that was let in, by its cookie."""
+        """The token of each admitted browser, by its cookie."""
         self._open: asyncio.Task[Any] | None = None
         self._watched = False
-        """True if the console that is open is an observer's."""
+        """True if the open console belongs to an observer."""
         self.begun = asyncio.Event()
-        """Set once it listens, and signals end it in order."""
+        """Set once the server listens and handles signals."""
         self._left = asyncio.Event()
 
     async def until_ended(self) -> int:
-        """Serve until a signal; then end the console that is open, in order."""
+        """Serve until a signal, then end the open console properly; return the exit code."""
         app = await self._make_app()
         app.middlewares.append(self._guard)
         app.add_routes([web.get("/login", self._ask), web.post("/login", self._login)])
@@ -123,7 +125,7 @@ class ServedConsole(Server):
         errors.print("Ctrl-C ends the console that is open, in order, and this.")
 
     async def on_startup(self, app: web.Application) -> None:
-        """Print no banner."""
+        """Do nothing, in place of the library's banner."""
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -139,7 +141,7 @@ class ServedConsole(Server):
             return await handler(request)
 
     def _admit(self, request: web.Request) -> None:
-        """Let in what this machine asks of its own name, from its own page."""
+        """Refuse requests from other machines, to other hosts, or from pages of other sites."""
         if request.remote is None or not ip_address(request.remote).is_loopback:
             raise web.HTTPForbidden(text="only this machine is let in")
         if request.headers.getall("Host", []) != [request.host] or (
@@ -152,7 +154,7 @@ class ServedConsole(Server):
             raise web.HTTPForbidden(text="a page of another site may ask nothing")
 
     def _bearer(self, request: web.Request) -> Bearer | None:
-        """Return the bearer that the browser was let in as, or None."""
+        """Return the bearer of the browser's token; None if the browser was not admitted."""
         token = self._let_in.get(request.cookies.get(self._cookie, ""))
         return self._found(token) if token else None
 
@@ -165,7 +167,7 @@ class ServedConsole(Server):
         return _page("")
 
     async def _login(self, request: web.Request) -> web.Response:
-        """Let a browser in whose operator has a token."""
+        """Admit a browser that sends a valid token, and set its cookie."""
         try:
             async with asyncio.timeout(BODY_S):
                 given = await request.post()
@@ -183,9 +185,9 @@ class ServedConsole(Server):
         return answer
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """Open a console for one browser, read-only for an observer.
+        """Open a console for one browser; it is read-only for an observer.
 
-        An operator's takes the place of an observer's, which is closed in order.
+        The console of an operator replaces that of an observer, which is closed properly.
         """
         bearer, own = self._bearer(request), asyncio.current_task()
         if bearer is None or own is None:
@@ -206,14 +208,14 @@ class ServedConsole(Server):
             self._left.set()
 
     async def _close_window(self) -> None:
-        """End the console that is open, if one is, in order."""
+        """End the open console properly, if there is one."""
         if self._open is not None:
             self._open.cancel()
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._left.wait(), LEAVE_S)
 
     async def _show(self, request: web.Request, command: str) -> web.WebSocketResponse:
-        """Run the console for one browser; it has ended, in order, before its window is closed."""
+        """Run the console for one browser; its window closes after the console has ended."""
         websocket = web.WebSocketResponse(timeout=CLOSE_S, heartbeat=15, max_msg_size=MOST_BYTES)
         await websocket.prepare(request)
 
@@ -237,7 +239,7 @@ class ServedConsole(Server):
         return websocket
 
     async def _look(self, request: web.Request, console: asyncio.Task[Any]) -> None:
-        """End a console whose token does not hold any more."""
+        """End a console once its token is no longer valid."""
         while self._bearer(request) is not None:
             await asyncio.sleep(LOOK_S)
         console.cancel()
@@ -247,20 +249,20 @@ class _Console(AppService):
     """The process of one console."""
 
     async def stop(self) -> None:
-        """End the process, and wait for that."""
+        """End the process, and wait until it has ended."""
         await super().stop()
         if self._process is not None:
             await self._process.wait()
 
     async def run(self) -> None:
-        """Show the console until its process ends, and close the window then."""
+        """Show the console until its process ends, then close the window."""
         await super().run()
         self.stdin.close()
         await self.remote_close()
 
 
 def _in_shell(command: Sequence[str]) -> str:
-    """Return what has a shell become `command` in the folder of children."""
+    """Return the shell command that runs `command` in the folder of child processes."""
     return f"cd {OWN_FOLDER} && exec {shlex.join(command)}"
 
 

@@ -1,4 +1,4 @@
-"""The verbs by name; the module of a verb is imported only when the verb is asked for."""
+"""The verbs by name; the module of a verb is imported only when the verb is used."""
 
 from functools import cache
 from importlib import import_module
@@ -37,10 +37,12 @@ VERBS = {
     "settings": "Show, change and reset the settings.",
     "manual": "Read the manual: list its pages, or show one of them.",
 }
-"""The help of each verb, in order; a verb says the same of itself. It is the function of its name,
-or the `app` of a group, in the module of its name."""
+"""The help of each verb, in order, equal to the docstring or help in its module.
+
+A verb is the function with its name, or the `app` of a group, in the module with its name.
+"""
 MODULES = {"eval": "evaluate"}
-"""The module of a verb whose name is taken in Python."""
+"""The modules of verbs whose names have another meaning in Python."""
 EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
@@ -102,8 +104,8 @@ EXAMPLES = {
 
 @cache
 def load_verb(name: str) -> Any:
-    """Return the command of a verb, its help ended with its example."""
-    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - the list of verbs needs none
+    """Return the command of a verb, with an example at the end of its help."""
+    from pa_console.cli.options import with_field_options  # noqa: PLC0415 - not needed for the list
 
     module = import_module(f".{MODULES.get(name, name)}", __name__)
     verb = getattr(module, "app", None) or getattr(module, name)
@@ -119,7 +121,7 @@ def load_verb(name: str) -> Any:
 
 
 class Verbs(TyperGroup):
-    """The command line as a whole: lines of help, and a verb that is loaded once it is called."""
+    """The group of all verbs, which has their help and loads a verb when it is called."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -128,13 +130,13 @@ class Verbs(TyperGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the name, the loaded verb and the words after it; raises TyperException."""
+        """Return name and command of the verb, and the remaining words; raises TyperException."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, load_verb(name) if name is not None else None, rest
 
 
 def _say_types(command: Any) -> None:
-    """Show the value of each option below `command` as TEXT, NUMBER or PATH, not as its type."""
+    """Set the placeholder of each option below `command` to TEXT, NUMBER or PATH."""
     for below in getattr(command, "commands", {}).values():
         _say_types(below)
     for option in command.params:
@@ -145,9 +147,9 @@ def _say_types(command: Any) -> None:
 
 
 def _add_examples(app: typer.Typer, above: str = "") -> None:
-    """End the help of every verb below `app` with its example, named by the verb's words.
+    """Add to the help of every verb below `app` its example, which is found by the verb's words.
 
-    In the list of its group it has the whole first paragraph of its help.
+    The short help of a verb is the complete first paragraph of its help.
     """
     for command in app.registered_commands:
         name = command.name or (command.callback.__name__ if command.callback else "")
@@ -162,6 +164,6 @@ def _add_examples(app: typer.Typer, above: str = "") -> None:
 
 
 def _ended(text: object, words: str) -> str:
-    """Return a help's end with the example of a verb, whose lines no terminal width joins."""
+    """Return the end of a help text with the example of a verb, whose lines are not joined."""
     example = [f"\b\nExample:\n  {EXAMPLES[words]}"] if words in EXAMPLES else []
     return "\n\n".join([text, *example] if isinstance(text, str) else example)

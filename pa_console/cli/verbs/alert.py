@@ -1,4 +1,4 @@
-"""`pa-console alert`: sends a test alert to everybody who would be alerted."""
+"""`pa-console alert`: a test alert to all people who would be alerted."""
 
 import typer
 
@@ -21,7 +21,7 @@ def alert(
     if not (alert or alert_later):
         raise ValueError("nobody is to be alerted: give --alert URL, or set PA_CONSOLE_ALERT")
     with naming_what_is_missing("alert", "alerts need"):
-        from pa_console.observability.alert_delivery import receivers, try_all  # noqa: PLC0415 - then only
+        from pa_console.observability.alert_delivery import receivers, try_all  # noqa: PLC0415 - only if used
 
     problems = try_all(receivers(alert or (), alert_later or ()), TEST)
     if json:

@@ -71,13 +71,13 @@ def console(
             raise ValueError(
                 "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
             )
-        from pa_console.cli.sessions.joined import joining  # noqa: PLC0415 - then
+        from pa_console.cli.sessions.joined import joining  # noqa: PLC0415 - only if used
 
         with joining(join, options, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
             with joined.told_unless_taken(), OpeningFrame(None) as frame:
-                from pa_console.cli.sessions.opening import open_console  # noqa: PLC0415 - then
+                from pa_console.cli.sessions.opening import open_console  # noqa: PLC0415 - only if used
 
                 taken = replace(options, fleet=[join])
                 open_console(taken, settings, frame, plain=plain, joined=joined)

@@ -1,4 +1,4 @@
-"""`pa-console eval`: mission sets against models and variants, with a report of what came of it."""
+"""`pa-console eval`: mission sets against models and variants, with a report of the results."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
@@ -67,9 +67,9 @@ from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out, print_json, warn_of_altered
 
 COLUMN_GAP = 2
-"""Characters between two columns."""
+"""The number of characters between two columns."""
 TITLE_WORD = 9
-"""Longer words of a column's title may be broken; names of models are long."""
+"""The length from which words of a column's title may be broken, because model names are long."""
 
 app = typer.Typer(
     help="Run mission sets against models and variants of the pipeline; more below.",
@@ -81,10 +81,10 @@ FolderArgument = Annotated[
 
 
 class EvalProgress(LiveBar):
-    """Counts runs as they end, with how many succeeded strictly."""
+    """The progress of an evaluation: the completed runs, and the strict successes among them."""
 
     def __init__(self, total: int, done: int) -> None:
-        """`done` of `total` runs were there already."""
+        """Start with `done` of `total` runs completed earlier."""
         self._total, self._made, self._strict = total, done, 0
         self._before = done
         self._progress = Progress(
@@ -106,7 +106,7 @@ class EvalProgress(LiveBar):
         return self
 
     def add(self, record: RunRecord) -> None:
-        """Count one more run."""
+        """Add a completed run."""
         self._made += 1
         self._strict += record.strict
         share = f"strict {self._strict}/{self._made - self._before}"
@@ -120,8 +120,7 @@ class EvalProgress(LiveBar):
 def to_rich(table: ReportTable, width: int = 100) -> RichTable:
     """Return `table`, without its note, for a terminal of `width` columns; long cells wrap.
 
-    Every column gets a width of its own, so that ids and intervals stay whole as long as there is
-    room for all of them.
+    Each column has its own width, so that ids and intervals are not broken if there is room.
     """
     shown = RichTable(
         title=Text(table.title, style="bold"),
@@ -141,7 +140,10 @@ def to_rich(table: ReportTable, width: int = 100) -> RichTable:
 
 
 def _widths(table: ReportTable, width: int) -> list[int]:
-    """Return a width for each column: its longest word, then what is left to the neediest."""
+    """Return a width for each column: its longest word, plus a share of the remaining room.
+
+    The remaining room goes to the columns with the longest cells in proportion to their width.
+    """
     room = max(width - COLUMN_GAP * len(table.columns), len(table.columns))
     cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
     whole = [max(len(cell) for cell in column) or 1 for column in cells]
@@ -283,7 +285,7 @@ def show(context: typer.Context, folder: FolderArgument = None) -> None:
 
 
 def _chosen(folder: Path | None) -> Path:
-    """Return `folder`, or the newest one; raises ValueError when there is none."""
+    """Return `folder`, or the newest evaluation; raises ValueError if there is none."""
     chosen = folder or newest_evaluation()
     if chosen is None:
         raise ValueError("there is no evaluation yet: run 'pa-console eval', or give a folder")
@@ -301,7 +303,7 @@ def _made_here(
     reuse: bool,
     logs: bool,
 ) -> AsyncGenerator[RunRecord]:
-    """Return the runs as they are made in this process."""
+    """Return the iterator over runs that are made in this process."""
     threads = max(1, physical_cores() // lanes)
 
     def engine_for(name: str, lane: int) -> MemoEngine:
@@ -323,9 +325,10 @@ def _swept(
     reuse: bool,
     logs: bool,
 ) -> AsyncGenerator[RunRecord]:
-    """Return the runs as they are made `where`: in so many processes here, or at that scheduler.
+    """Return the iterator over runs that are made on workers.
 
-    `names` has the requested file of each model. Raises ValueError without Dask.
+    `where` is the number of local processes, or the address of a scheduler. `names` has the
+    requested file of each model. Raises ValueError if Dask is not installed.
     """
     workers = dask_workers(where)
     from pa_console.evaluation.sweep import ModelOnWorker, Sweep  # noqa: PLC0415 - Dask
@@ -339,7 +342,7 @@ def _swept(
 async def _count(
     made: AsyncGenerator[RunRecord], results: EvaluationFolder, planned: list[Job]
 ) -> None:
-    """Show the progress of the runs that are still to be `made`."""
+    """Consume the runs `made`, and show their progress."""
     done = results.done
     with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
         async with aclosing(made) as records:
@@ -348,14 +351,14 @@ async def _count(
 
 
 def sets_of(planned: Sequence[Job]) -> list[str]:
-    """Return the names of the mission sets that `planned` takes missions from."""
+    """Return the names of the mission sets in `planned`."""
     return list(dict.fromkeys(job.mission_set for job in planned))
 
 
 def _about(
     results: EvaluationFolder, sets: list[str], seconds: float, jobs: int, reuse: bool
 ) -> dict[str, object]:
-    """Return the description of the runs for the report, added to the one in the folder."""
+    """Return the options of the runs for the report, merged with those in the folder."""
     before = read_about(results.folder)
     records = results.records
     return {

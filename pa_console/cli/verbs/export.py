@@ -34,7 +34,7 @@ from pa_console.terminal.output import errors, out, print_document
 
 DEFAULT_KINDS = ("approval_requested", "decision_made", "plan_halted", "mission_finished")
 LEAST, MOST = (40, 10), (400, 200)
-"""The smallest and the largest screen, (columns, rows)."""
+"""The smallest and the largest screen, in columns and rows."""
 
 app = typer.Typer(
     help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
@@ -53,7 +53,7 @@ LogArgument = Annotated[
 
 
 def opened(context: typer.Context, log: Path) -> OpenedSession:
-    """Read the log that is meant, and report on stderr if it could not be read to its end."""
+    """Return the session of `log`, and report on stderr if it cannot be read to its end."""
     log = recorded_log(context, log)
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
@@ -66,7 +66,7 @@ def opened(context: typer.Context, log: Path) -> OpenedSession:
 
 
 def written(target: Path, what: str) -> None:
-    """Report the place of the export."""
+    """Print the place and the content of the export."""
     out.print_line(f"{target}: {what}")
 
 
@@ -189,7 +189,7 @@ def cast(
 
 
 def size_of(text: str) -> tuple[int, int]:
-    """Return (columns, rows); raises ValueError for what is no size or none of a terminal."""
+    """Return columns and rows; raises ValueError if the size is not valid."""
     found = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
     size = (int(found[1]), int(found[2])) if found else (0, 0)
     if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):
@@ -201,7 +201,7 @@ def size_of(text: str) -> tuple[int, int]:
 
 
 def span_of(session: OpenedSession, film: FilmOptions) -> tuple[float, float]:
-    """Return from when to when is filmed, in seconds; raises ValueError when that is nothing."""
+    """Return start and end of the film, in seconds; raises ValueError if it would be empty."""
     recording, first = session.recording, film.first
     duration = recording.timeline.duration
     last = duration if film.until is None else min(film.until, duration)

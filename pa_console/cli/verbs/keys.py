@@ -1,4 +1,4 @@
-"""`pa-console keys`: the keys with which people approve, stations command, and vehicles check."""
+"""`pa-console keys`: the keys of a site, with which people, stations and its owner sign."""
 
 import getpass
 import json
@@ -38,7 +38,7 @@ from pa_console.terminal.output import errors, out, print_json
 
 CONNECT_S = 5.0
 MOST_BYTES = 131_072
-"""The longest file with an approval, bytes."""
+"""The largest accepted file with an approval, in bytes."""
 ACTS = {
     "override": "the judge's objection is overridden",
     "acknowledge": "a broken rule of medium priority is accepted",
@@ -197,7 +197,7 @@ def takeover(
 
 @contextmanager
 def _changing(url: str, certificates: Path | None) -> Generator[KeyFolder]:
-    """Yield the keys of this machine for a change; show it, and publish it on the bus at `url`."""
+    """Yield the keys of this machine for a change; then show them, and publish them at `url`."""
     folder = KeyFolder(ask=ask_passphrase)
     with on_bus(folder, url, certificates):
         yield folder
@@ -259,15 +259,15 @@ def _public(key: str) -> str:
 
 @contextmanager
 def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[None]:
-    """Take newer messages on the bus at `url` into `folder`; retain the newest there afterwards.
+    """Store newer messages from the bus at `url` in `folder`, and retain the newest afterwards.
 
-    Does nothing without a `url`. Raises ValueError when no broker lets us in.
+    Does nothing without a `url`. Raises ValueError if there is no connection to the broker.
     """
     if not url:
         yield
         return
     from pa_console.fleets.vda5050.additions import SIGNED, TRUST, SignedMessage  # noqa: PLC0415
-    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - with a bus only
+    from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415 - only with a bus
     from pa_console.fleets.vda5050.sharing import signed_messages  # noqa: PLC0415
     from pa_console.fleets.vda5050.station_link import StationLink, take_retained  # noqa: PLC0415
     from pa_console.fleets.vda5050.wire import Numbers  # noqa: PLC0415
@@ -314,7 +314,7 @@ def sign(
 
 
 def _read_approval(file: Path) -> UnsignedApproval:
-    """Return the text to sign; raises DocumentError or ValueError for any other."""
+    """Return the approval to sign in `file`; raises DocumentError or ValueError if not valid."""
     name = "standard input" if str(file) == "-" else str(file)
     if str(file) == "-":
         text: bytes = sys.stdin.buffer.read(MOST_BYTES + 1)
@@ -339,7 +339,7 @@ def _read_approval(file: Path) -> UnsignedApproval:
 
 
 def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
-    """Show on stderr the content of the bytes to sign, and no accompanying words."""
+    """Print on stderr the content of the bytes to sign, without other parts of the file."""
     approval: Approval = unsigned.approval
     roster = folder.trust().roster if folder.made else None
     station = roster.station_of(approval.station) if roster is not None else ""
@@ -359,7 +359,7 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
 
 
 def _agreed(file: Path) -> bool:
-    """Ask on the terminal; raises ValueError where nobody can be asked."""
+    """Return the answer to a question on the terminal; raises ValueError without a terminal."""
     if str(file) == "-" or not sys.stdin.isatty():
         raise ValueError("nobody can be asked here; give a file on a terminal, or --yes")
     return typer.confirm("Sign this?", default=False, err=True)

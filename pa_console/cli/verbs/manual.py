@@ -1,4 +1,4 @@
-"""`pa-console manual`: the manual in the terminal, a page at a time."""
+"""`pa-console manual`: the pages of the manual in the terminal."""
 
 import os
 from typing import Annotated
@@ -12,7 +12,7 @@ from pa_console.manual_pages import Page, load_manual
 from pa_console.terminal.output import out, print_document, print_json
 
 COLOURED = "-FRX"
-"""The options by which `less` shows colours, and leaves at once if a page fits the screen."""
+"""The options with which `less` shows colours, and exits at once if a page fits the screen."""
 
 
 def manual(
@@ -46,14 +46,14 @@ def _list(pages: tuple[Page, ...], json: bool) -> None:
 
 
 def _show(page: Page, plain: bool, json: bool) -> None:
-    """Print the page for people on a terminal, for programs elsewhere."""
+    """Print the page, formatted on a terminal and as Markdown text elsewhere."""
     if json:
         headings = [section.heading for section in page.sections]
         print_json(_about(page) | {"sections": headings, "text": page.text})
     elif plain or not out.is_terminal:
         print_document(page.text)
     else:
-        from rich.markdown import Markdown  # noqa: PLC0415 - only for a person
+        from rich.markdown import Markdown  # noqa: PLC0415 - only on a terminal
 
         os.environ.setdefault("LESS", COLOURED)
         with out.pager(styles=True):

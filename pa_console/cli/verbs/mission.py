@@ -13,7 +13,7 @@ from pa_console.cli.settings_defaults import OBSERVED, settings_of
 
 
 class Approve(StrEnum):
-    """The decider about the plan."""
+    """The ways in which a plan is approved."""
 
     ask = "ask"
     auto = "auto"
@@ -73,7 +73,7 @@ def mission(
     json: JsonOption = False,
 ) -> None:
     """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
-    from pa_console.cli.sessions.mission import run_mission  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.sessions.mission import run_mission  # noqa: PLC0415 - not needed for help
     from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
     settings = settings_of(context, *OBSERVED).values

@@ -39,7 +39,7 @@ def list_models(json: JsonOption = False) -> None:
 
 
 def _here(entry: ModelEntry) -> str:
-    """Return whether the model's file is on this machine, and whether its weights are prepared."""
+    """Return the state of the model on this machine, including its prepared weights, in words."""
     if entry.local_file is None:
         return "no"
     if entry.how is None:
@@ -102,7 +102,7 @@ def pull(
 
 
 class _ReadyModel(NamedTuple):
-    """A model that is ready, and its notices."""
+    """A model that is ready for use, and notices about it."""
 
     path: Path
     note: str
@@ -110,7 +110,7 @@ class _ReadyModel(NamedTuple):
 
 
 def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
-    """Fetch `entry` and, if asked to, prepare its weights, with a progress bar."""
+    """Fetch `entry` and, with `prepare`, prepare its weights; a bar shows the progress."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

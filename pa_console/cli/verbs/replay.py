@@ -89,7 +89,7 @@ def replay(
             "give a session log, or --last for the session that was recorded last. "
             "See 'pa-console replay --help'."
         )
-    from pa_console.cli.sessions import recorded  # noqa: PLC0415 - no help needs it
+    from pa_console.cli.sessions import recorded  # noqa: PLC0415 - not needed for help
     from pa_console.cli.sessions.log import recorded_log  # noqa: PLC0415
 
     log = recorded_log(context, log or Path("last"))

@@ -12,14 +12,14 @@ from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
 
 PORT = 8765
 OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
-"""The options that are of this verb alone; the console has the others, too."""
+"""The options of this verb that the console does not have."""
 IN_FILES = {
     "world": ("", "world.yaml"),
     "rules": ("", "rules.yaml"),
     "scenario": ("",),
     "model": ("",),
 }
-"""Options that may name a file, or for some the folder of a file that is called so."""
+"""The options that may be a path, with the names of the file if the path is a folder."""
 RoleName = Literal["observer", "proposer", "operator", "commander"]
 
 
@@ -52,7 +52,7 @@ def serve(
     json: JsonOption = False,
 ) -> None:
     """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
-    from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - no help waits for it
+    from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - not needed for help
 
     if make_token is not None:
         token_verbs.make(make_token, person, json=json)
@@ -80,9 +80,9 @@ def serve(
 
 
 def _console(context: typer.Context) -> list[str]:
-    """Return what opens the console with the options that were given to `context`.
+    """Return the command that opens the console with the options that were given to `context`.
 
-    It opens in another folder, so every path is whole.
+    All paths are absolute, because the command runs in another folder.
     """
     words = [*python_command("-m", "pa_console")]
     words += [word for given in given_words(context) for word in ("--set", given)]
@@ -103,14 +103,14 @@ def _console(context: typer.Context) -> list[str]:
 
 
 def _whole(name: str, value: Any) -> Any:
-    """Return the `value` of the option `name`; a path that is relative to this folder made whole.
+    """Return the `value` of the option `name`, with an absolute path if it is one.
 
-    A world, rules, a scenario and a model may also be names of what is installed.
+    World, rules, scenario and model may also be installed names, which remain unchanged.
     """
     if isinstance(value, Path):
         return value.expanduser().absolute()
     if name == "witness" and value:
-        from pa_console.cli.sessions.log import witness_target  # noqa: PLC0415 - no help waits for it
+        from pa_console.cli.sessions.log import witness_target  # noqa: PLC0415 - not needed for help
 
         return witness_target(value)
     if name in IN_FILES and value:

@@ -1,4 +1,4 @@
-"""`pa-console sessions`: the sessions that were recorded on this machine."""
+"""`pa-console sessions`: the recorded sessions on this machine."""
 
 from pathlib import Path
 from shlex import quote
@@ -27,7 +27,7 @@ from pa_console.terminal.output import errors, out, print_json
 from pa_console.views.status_words import outcomes_in_words, status_of
 
 MOST = 20
-"""The number of sessions listed unless more are asked for."""
+"""The default number of sessions in the list."""
 
 
 def sessions(
@@ -86,7 +86,7 @@ def _table(summaries: list[SessionSummary], sound: list[Soundness]) -> Table:
 
 
 def _title(summary: SessionSummary) -> Text:
-    """Return the title, and the scenario where that is not the title itself."""
+    """Return the title, and the scenario if it differs from the title."""
     title = Text(visible(summary.title))
     if summary.scenario and summary.scenario != summary.title:
         title.append(f" ({visible(summary.scenario)})", "dim")
@@ -94,7 +94,7 @@ def _title(summary: SessionSummary) -> Text:
 
 
 def _show(log: Path, reference: str, json: bool) -> None:
-    """Show a session, `reference` to other verbs: where and when it was, its missions, its log."""
+    """Print a session: place, time, missions and log; `reference` is its name for other verbs."""
     with errors.status("reading the session log"):
         summary, standing = summarise(log), soundness(log)
     if json:
@@ -132,7 +132,7 @@ def _show(log: Path, reference: str, json: bool) -> None:
 
 
 def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:
-    """Return all that is known of a session, for `--json`."""
+    """Return all facts about a session for `--json`."""
     counted = {"title": summary.title, "outcomes": summary.outcomes}
     length = {"length_s": round(summary.length_s, 3)}
     return {**vars(summary), **counted, **length, **vars(standing)}

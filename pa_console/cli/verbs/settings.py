@@ -1,4 +1,4 @@
-"""`pa-console settings`: show what is chosen and why, change it, start afresh."""
+"""`pa-console settings`: the settings with their origins, shown, changed or reset."""
 
 from typing import Annotated, Any
 
@@ -106,7 +106,7 @@ def unset(name: NameArgument) -> None:
 
 
 def _write(name: str, text: str) -> None:
-    """Check and save one setting as the settings screen does; raises ValueError, DocumentError."""
+    """Check and save one setting, as on the settings screen; raises ValueError, DocumentError."""
     from pa_console.tui.screens.settings import choices, to_write  # noqa: PLC0415
 
     name = name if name.startswith("keys.") else name.replace("-", "_")

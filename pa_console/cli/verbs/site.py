@@ -1,4 +1,4 @@
-"""`pa-console site`: run the simulated checkpoint on a bus, and make the files that this needs."""
+"""`pa-console site`: the simulated checkpoint on a bus, and the files for a site."""
 
 import hashlib
 import time
@@ -35,8 +35,10 @@ from pa_console.sim.worlds.world_file import open_world
 from pa_console.terminal.output import errors, out
 
 MOST_MACHINE_NAME = 40
-"""The longest machine name: with its role before it, a certificate's common name has at most 64
-characters."""
+"""The longest name of a machine.
+
+The common name of a certificate, which begins with a role, has at most 64 characters.
+"""
 
 app = typer.Typer(help="Run the simulated checkpoint as a service on a message bus; more below.")
 
@@ -76,7 +78,7 @@ def site(
     def let_in(name: str) -> Credentials | None:
         return Credentials.of(folder, name) if folder is not None else None
 
-    let_in("site")  # a site without its own certificates is refused before it begins
+    let_in("site")  # a site without its own certificate is refused before it starts
     loaded, path = open_world(world)
     played = open_scenario(loaded, path, scenario).scenario if scenario else None
     vehicles = _vehicles(loaded)
@@ -153,9 +155,9 @@ def init(
 
 
 def _vehicles(world: World) -> Vehicles | None:
-    """Return what the vehicles check commands with: the site's keys, where this machine has them.
+    """Return the verifiers of the vehicles; None if this machine has no site keys.
 
-    They go by wall time, as the station that signs does, however fast the site is.
+    They use wall time, like the station that signs, regardless of the speed of the site.
     """
     folder = KeyFolder()
     if not folder.made:
@@ -179,7 +181,7 @@ def _telling(vehicles: Vehicles) -> Callable[[str], None]:
 
 
 def _check_name(option: str, name: str, most: int = 64) -> None:
-    """Raise ValueError for a name that no asset or machine can have."""
+    """Raise ValueError if `name` is not a valid name of an asset or a machine."""
     with suppress(ValidationError):
         if len(TypeAdapter[str](Name).validate_python(name)) <= most:
             return

@@ -1,4 +1,4 @@
-"""`pa-console tak`: a shared or a recorded session on the map of a TAK server."""
+"""`pa-console tak`: a shared or recorded session on the map of a TAK server."""
 
 import typer
 
@@ -17,6 +17,6 @@ def tak(context: typer.Context, options: FollowOptions) -> None:
         )
     settings = settings_of(context)
     with naming_what_is_missing("tak", "TAK maps need"):
-        from pa_console.cli.sessions.on_map import show  # noqa: PLC0415 - no help waits for it
+        from pa_console.cli.sessions.on_map import show  # noqa: PLC0415 - not needed for help
     if code := show(options, settings):
         raise typer.Exit(code)

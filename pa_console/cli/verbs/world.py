@@ -1,4 +1,4 @@
-"""`pa-console world`: worlds that are generated, made from robots, or checked."""
+"""`pa-console world`: worlds, which are generated, made from robots, or checked."""
 
 from pathlib import Path
 from typing import Annotated
@@ -73,7 +73,7 @@ def from_robots(
 ) -> None:
     """Write a world with the robots that are on these links, and their map as its background."""
     from pa_console.fleets import newcomers  # noqa: PLC0415
-    from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - with robots only
+    from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - only with robots
     from pa_console.sim.worlds.occupancy_map import read_occupancy_map  # noqa: PLC0415
 
     _refuse_existing(output, force=force)
@@ -100,13 +100,13 @@ def from_robots(
 
 
 def _refuse_existing(output: Path | None, *, force: bool) -> None:
-    """Raise ValueError for a file that is there and may not be written over."""
+    """Raise ValueError if the file exists and may not be overwritten."""
     if output is not None and output.exists() and not force:
         raise ValueError(f"{output} exists; give another name, or --force to write over it")
 
 
 def _write(world: World, output: Path | None, options: str) -> None:
-    """Write a world to its file, or to stdout without one; `options` are those to open it with."""
+    """Write a world to `output`, by default stdout; `options` are printed as those to open it."""
     text = world_yaml(world)
     if output is None:
         print_document(text)
@@ -130,7 +130,7 @@ def check(
     ],
 ) -> None:
     """Check a world file; errors name line and field."""
-    from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios do without pymunk
+    from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios need no pymunk
 
     loaded, path = open_world(world)
     with errors.status("placing the assets"):

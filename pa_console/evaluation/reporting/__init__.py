@@ -1,1 +1,1 @@
-"""The report of an evaluation: statistics, tables, figures, and the pages that hold them."""
+"""The report of an evaluation: its statistics, tables, figures and pages."""

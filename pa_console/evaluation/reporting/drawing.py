@@ -1,4 +1,4 @@
-"""The axes, bars and marks that the figures of a report are made of, and their files."""
+"""The axes, bars and marks of the figures in a report, and the files of the figures."""
 
 import io
 import re
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
 INK = "#1f2328"
-"""Text and axes; in a page it becomes the colour of the page's own text."""
+"""The colour of text and axes, which a page replaces by the colour of its own text."""
 
 GRID = "#9aa4b0"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, YELLOW = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7", "#F0E442",
 )  # fmt: skip
-"""The colours of Okabe and Ito (2008), which colour-blind readers can distinguish."""
+"""The colours of Okabe and Ito (2008), which colour-blind readers can tell apart."""
 
 SERIES = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, YELLOW)
 HATCHES = ("", "//", "..", "xx", "--", "\\\\", "oo")
-"""Patterns beside the colours, for prints without any."""
+"""The patterns of the series, for prints without colours."""
 
 SETTINGS: "dict[RcKeyType, str | float | bool]" = {
     "font.family": "sans-serif",
@@ -50,6 +50,7 @@ SETTINGS: "dict[RcKeyType, str | float | bool]" = {
 """The fonts and colours of every figure."""
 
 GROUP_WIDTH = 0.84
+"""The width of a group of bars, where the distance between groups is 1."""
 
 
 class Style(NamedTuple):
@@ -61,9 +62,9 @@ class Style(NamedTuple):
 
 
 def new_figure(width: float, height: float, rows: int = 1) -> "tuple[Figure, list[Axes]]":
-    """Return a figure of `width` x `height` inches with `rows` axes below one another.
+    """Return a figure of `width` x `height` inches with `rows` axes, one below the other.
 
-    It belongs to no window and to no global list of figures.
+    The figure has no window and is not in matplotlib's global list of figures.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415
 
@@ -75,9 +76,9 @@ def new_figure(width: float, height: float, rows: int = 1) -> "tuple[Figure, lis
 
 
 def render(name: str, draw: Callable[[], "Figure"]) -> tuple[bytes, bytes]:
-    """Return a figure as SVG on white ground, and as PNG of 150 dots an inch.
+    """Return a figure as SVG, and as PNG with 150 dots per inch.
 
-    Its `name` is the salt of the SVG's ids, so that they are the same every time.
+    `name` is the salt of the ids in the SVG, so that they are always the same.
     """
     import matplotlib as mpl  # noqa: PLC0415 - loading it takes a second
 
@@ -90,9 +91,10 @@ def render(name: str, draw: Callable[[], "Figure"]) -> tuple[bytes, bytes]:
 
 
 def inline(svg: bytes, alt: str) -> str:
-    """Return an SVG for a page: no prolog, no ground, text in the page's colour, named for readers.
+    """Return an SVG for a page: without prolog and background, in the page's colour, with a label.
 
-    Ids that nothing refers to are left out, as several figures of a page would share them.
+    `alt` is the label for screen readers. Ids without references are removed, because the figures
+    of a page would have some in common.
     """
     text = svg.decode()
     text = text[text.index("<svg") :]
@@ -106,7 +108,7 @@ def inline(svg: bytes, alt: str) -> str:
 
 
 def percent_interval(rate: SuccessRate) -> Interval | None:
-    """Return a rate and its interval in percent, None without any run."""
+    """Return a rate and its interval in percent; None if there are no runs."""
     return None if rate.value is None else percents((rate.value, rate.low, rate.high))
 
 
@@ -126,7 +128,8 @@ def draw_bars(
 ) -> None:
     """Draw the values of each style as bars with error bars, in groups around x = 0, 1, ...
 
-    None leaves a gap. A group has room for `slots` bars, by default one for each of `series`.
+    A value of None leaves a gap. A group has room for `slots` bars, by default one for each of
+    `series`.
     """
     slots = max(slots, len(series), 1)
     width = 0.92 * GROUP_WIDTH / slots
@@ -155,12 +158,12 @@ def error_lengths(points: Sequence[tuple[float, float, float, float]]) -> list[l
 
 
 def slot_offset(place: int, slots: int) -> float:
-    """Return how far from the middle of its group the bar in slot `place` stands."""
+    """Return the distance of the bar in slot `place` from the middle of its group."""
     return (place - (slots - 1) / 2) * GROUP_WIDTH / slots
 
 
 def draw_paper_mark(ax: "Axes", x: float, value: float, colour: str, text: str = "") -> None:
-    """Draw a value of the paper: a hollow ring, `text` beside it."""
+    """Draw a value of the paper as a hollow ring with `text` beside it."""
     ax.plot([x], [value], "o", mfc="none", mec=colour, mew=1.8, ms=7.5, zorder=5)
     if text:
         ax.annotate(text, (x, value), (5, 3), textcoords="offset points", fontsize=7)
@@ -173,12 +176,12 @@ def draw_paper_letter(ax: "Axes", x: float, value: float, letter: str) -> None:
 
 
 def name_paper(ax: "Axes", label: str) -> None:
-    """Put the hollow ring of the paper's values into the legend of `ax`."""
+    """Add the hollow ring of the paper's values to the legend of `ax`."""
     ax.plot([], [], "o", mfc="none", mec=INK, mew=1.5, ms=7, label=label)
 
 
 def legend(figure: "Figure", ax: "Axes", columns: int) -> None:
-    """Show the legend of `ax` above all axes of `figure`, the paper's ring last."""
+    """Draw the legend of `ax` above all axes of `figure`, with the paper's ring last."""
     entries = list(zip(*ax.get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: entry[1].startswith("paper"))
     if entries:
@@ -187,7 +190,7 @@ def legend(figure: "Figure", ax: "Axes", columns: int) -> None:
 
 
 def label_groups(ax: "Axes", labels: Sequence[str], ours: int) -> None:
-    """Name the groups; those after the first `ours` are the paper's, behind a thin line."""
+    """Label the groups; groups after the first `ours` are the paper's, beyond a thin line."""
     names = [
         _broken(label) if place < ours else f"{_broken(label)}\n(paper)"
         for place, label in enumerate(labels)
@@ -201,7 +204,7 @@ def label_groups(ax: "Axes", labels: Sequence[str], ours: int) -> None:
 
 
 def _broken(label: str) -> str:
-    """Return a long name on two lines, broken at a hyphen or a space near its middle."""
+    """Return a long name in two lines, divided at a hyphen or a space near its middle."""
     if len(label) <= 11:
         return label
     cuts = [place + 1 for place, sign in enumerate(label) if sign in "- "]
@@ -227,7 +230,7 @@ def draw_dots(
     upright: bool,
     **options: Any,
 ) -> None:
-    """Draw points (place, value, low, high) with error bars; values grow upwards if `upright`."""
+    """Draw points (place, value, low, high) with error bars, vertical ones if `upright`."""
     places, values = [place for place, *_ in points], [value for _, value, *_ in points]
     lengths = error_lengths(points)
     error = {"yerr": lengths} if upright else {"xerr": lengths}

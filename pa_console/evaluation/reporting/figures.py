@@ -80,21 +80,21 @@ SHOWN = {
     "decision": Style("decision", SKY),
     "end to end, station": Style("end to end, station", BLUE, "//"),
 }
-"""The latencies that are drawn; simulated execution would dwarf them."""
+"""The latencies in the figure, without simulated execution, which is much longer."""
 
 LEAST_SHARE = 0.01
-"""Stages that take no more than this of the whole, for every model, are drawn as one."""
+"""The share of the total up to which stages are drawn as one, if it holds for all models."""
 
 REST = "the rest, 1% or less each"
 
 
 Name = TypeVar("Name", bound=str)
 PaperMark = tuple[float, str]
-"""A value of the paper on the axis, and the text beside it."""
+"""A value of the paper on the axis and the text beside it."""
 
 
 class Drawn(NamedTuple):
-    """A figure of a report: `name` is that of its file, `alt` its description in words."""
+    """A figure of a report; `name` is the name of its file, and `alt` its description in words."""
 
     section: str
     name: str
@@ -111,7 +111,7 @@ def draw_models(  # noqa: PLR0917 - models and bars, ours and the paper's
     theirs: Sequence[str],
     mark: Callable[[str, Name], PaperMark | None],
 ) -> None:
-    """Draw a group of bars for each of `models`, then the paper's models `theirs` as rings."""
+    """Draw a group of bars for each of `models`, then rings for the paper's models `theirs`."""
     bars = {
         style: [value(runs, name) for runs in models.values()] for name, style in styles.items()
     }
@@ -126,7 +126,7 @@ def draw_models(  # noqa: PLR0917 - models and bars, ours and the paper's
 
 
 def _rate_mark(model: str, quantity: str) -> PaperMark | None:
-    """Return a rate of the paper in percent, with a star if it is derived."""
+    """Return a rate of the paper in percent, with a star if the value is derived."""
     value = published(model, quantity)
     return None if value is None else (100 * value.value, "*" * value.derived)
 
@@ -208,7 +208,7 @@ def figure_five(records: Records, beside: bool) -> "Figure":
 
 
 def table_one(records: Records, beside: bool) -> "Figure":
-    """Draw hybrid and strict success by category, the paper's values as letters in rings."""
+    """Draw hybrid and strict success by category, with the paper's values as letters in rings."""
     models = by_model(records)
     categories = grouped(records, lambda record: record.category)
     theirs = list(MODELS) if beside else []
@@ -241,7 +241,7 @@ def table_one(records: Records, beside: bool) -> "Figure":
 
 
 def stages(records: Records) -> "Figure":
-    """Draw the mean seconds of each stage as one stacked bar a model."""
+    """Draw the mean seconds of each stage, as one stacked bar for each model."""
     models = by_model(records)
     means = {
         stage: [sum(stage_seconds(r, stage) for r in runs) / len(runs) for runs in models.values()]
@@ -279,7 +279,7 @@ def stages(records: Records) -> "Figure":
 
 
 def ablation(records: Records) -> "Figure":
-    """Draw the success of each variant of one model as dots with intervals, reference on top."""
+    """Draw the success of each variant of a model as dots with intervals, the reference on top."""
     variants = variants_of(records)
     figure, (ax,) = new_figure(7.2, 1.1 + 0.42 * len(variants))
     for number, (name, style) in enumerate(SCORES.items()):
@@ -304,7 +304,7 @@ def ablation(records: Records) -> "Figure":
 
 
 def reliability_diagram(records: Records) -> "Figure":
-    """Draw strict success against confidence, a line for every model, with 95 % intervals."""
+    """Draw strict success against confidence, as a line with 95 % intervals for each model."""
     figure, (ax,) = new_figure(4.6, 4.0)
     ax.plot([0, 100], [0, 100], color=INK, linewidth=0.8, linestyle="--", label="as sure as right")
     shapes = "os^Dv"
@@ -327,9 +327,9 @@ def reliability_diagram(records: Records) -> "Figure":
 
 
 def build_figures(records: Records) -> list[Drawn]:
-    """Return the figures that `records` give, none of them drawn yet; none for no records.
+    """Return the figures for `records`, which are drawn later; empty if there are no records.
 
-    Figs. 3 to 5 and Table I show the paper's missions when they were run, all others otherwise.
+    Figs. 3 to 5 and Table I show the runs of the paper's missions, or all runs if there are none.
     """
     main, paper = main_runs(records), comparable_runs(records)
     if not main:

@@ -1,4 +1,4 @@
-"""The report of an evaluation: report.md with its figures, and a report.html of one file."""
+"""The report of an evaluation: report.md with its figures, and report.html in a single file."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -56,13 +56,13 @@ FLAGS = {
     "refused": "refused without need",
     "obliged": "not refused, but had to be",
 }
-"""The filters of the table of runs, beside the kinds of failure."""
+"""The filters of the table of runs, in addition to the kinds of failure."""
 
 _KNOWN = {"models", "variants", "mission_sets", "seeds", "runs", "seconds", "reuse"}
 
 
 def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the facts of the runs as pairs of name and text; `about` is the folder's run.json."""
+    """Return the facts about the runs as pairs of name and text; `about` is from run.json."""
     names = {record.variant for record in records}
     variants = [*(name for name in ABOUT if name in names), *sorted(names - ABOUT.keys())]
     sets = [
@@ -87,7 +87,7 @@ def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def duration(seconds: float) -> str:
-    """Write a time as hours and minutes, or seconds when it is short."""
+    """Return a time in hours and minutes, or in seconds if it is short."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
@@ -95,7 +95,7 @@ def duration(seconds: float) -> str:
 
 
 def _plain(value: Any) -> str:
-    """Write any JSON value as words."""
+    """Return any JSON value in words."""
     if isinstance(value, Mapping):
         pairs = cast(Mapping[str, Any], value)
         return "; ".join(f"{key}: {_plain(entry)}" for key, entry in pairs.items())
@@ -107,7 +107,7 @@ def _plain(value: Any) -> str:
 
 
 def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
-    """Return what a reader has to know before believing a figure, as far as the data show it."""
+    """Return notes on the limits of the figures, according to the data."""
     main = main_runs(records)
     if not main:
         return ["There is no run here yet."]
@@ -154,7 +154,7 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
 
 
 def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]:
-    """Return the tables of each section of a report, sections without any left out."""
+    """Return the tables of each section of a report, without empty sections."""
     sections = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
@@ -171,15 +171,15 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]
 
 
 def build_tables(records: Sequence[RunRecord]) -> list[ReportTable]:
-    """Return the tables that `records` give; none for no records.
+    """Return the tables for `records`; empty if there are no records.
 
-    Tables by model speak of the main variant (`main_variant`), ablations of all.
+    Tables by model are about the main variant (`main_variant`), and ablations about all variants.
     """
     return [table for tables in build_sections(records).values() for table in tables]
 
 
 class ReportFigure(NamedTuple):
-    """A figure in a report: its file for the Markdown, its text for the page."""
+    """A figure in a report, with its file for the Markdown and its SVG for the page."""
 
     drawn: Drawn
     file: str
@@ -187,7 +187,7 @@ class ReportFigure(NamedTuple):
 
 
 class ReportSection(NamedTuple):
-    """A part of a report."""
+    """A section of a report."""
 
     title: str
     figures: list[ReportFigure]
@@ -195,7 +195,7 @@ class ReportSection(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """A run in the table of runs; `marks` are the filters that keep it."""
+    """A run in the table of runs; `marks` are the filters that show it."""
 
     record: RunRecord
     marks: str
@@ -203,9 +203,9 @@ class RunRow(NamedTuple):
 
 
 def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str, Any]) -> None:
-    """Write report.md, figures/ and report.html into `folder`; `about` is its run.json.
+    """Write report.md, figures/ and report.html into `folder`; `about` is from run.json.
 
-    Equal records give equal files. Raises OSError when `folder` cannot be written.
+    Equal records give equal files. Raises OSError if `folder` cannot be written.
     """
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     shown = [_write_figure(folder, drawn) for drawn in build_figures(records)]
@@ -240,7 +240,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
 
 
 def markdown_cell(text: str) -> str:
-    """Return `text` so that a cell of a Markdown table shows it as it is."""
+    """Return `text` with escapes, so that a cell of a Markdown table shows it unchanged."""
     for sign in "\\|*_`<[":
         text = text.replace(sign, f"\\{sign}")
     return " ".join(text.split())
@@ -255,7 +255,7 @@ def _write_figure(folder: Path, drawn: Drawn) -> ReportFigure:
 
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
-    """Return the ways of failing, most common first, each with its number and its count."""
+    """Return the kinds of failure with their number and count, the most common kind first."""
     counts = Counter(kind for record in records if (kind := failure_kind(record)) is not None)
     ranked = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     return {kind: (number, count) for number, (kind, count) in enumerate(ranked)}

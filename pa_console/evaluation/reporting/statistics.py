@@ -1,4 +1,4 @@
-"""Groups of runs, rates with Wilson intervals, and the paper's own results beside them.
+"""Groups of runs, rates with Wilson intervals, the tables of a report, and the paper's results.
 
 O. Solanki, L. Praharaj, D. Gupta, M. Gupta, "A Policy-Aware Edge LLM-RAG Framework for Internet of
 Battlefield Things Mission Orchestration", Section V.
@@ -24,13 +24,13 @@ Records = Sequence[RunRecord]
 Group = TypeVar("Group")
 Key = TypeVar("Key")
 Interval = tuple[float, float, float]
-"""A value with the two ends of its interval."""
+"""A value, and the two ends of its interval."""
 
 Z95 = 1.959963984540054
 """The normal quantile of a two-sided interval of 95 %."""
 
 NOTHING = "-"
-"""The cell of a value that there is not."""
+"""The content of a cell without a value."""
 
 _NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 
@@ -38,7 +38,7 @@ Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
 
 
 class PaperFigure(StrictModel):
-    """One number of the paper; `derived` when it follows from others that the text states."""
+    """One number of the paper; `derived` if it follows from other numbers in the text."""
 
     value: float
     derived: bool = False
@@ -60,7 +60,7 @@ class TableText(StrictModel):
 
 
 class FigureText(StrictModel):
-    """The title of a figure, and its description in words."""
+    """The title of a figure and its description in words."""
 
     title: str
     alt: str
@@ -79,11 +79,11 @@ _PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
 MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
 
 MISSION_SET = "paper"
-"""The mission set that holds the paper's ten commands; only runs of it are comparable."""
+"""The mission set of the paper's ten commands; only its runs are comparable with the paper."""
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:
-    """Return the records of each key, keys in the order in which they first appear."""
+    """Return the records by key; keys are in the order of their first appearance."""
     groups: dict[Key, list[RunRecord]] = {}
     for record in records:
         groups.setdefault(key(record), []).append(record)
@@ -91,25 +91,25 @@ def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list
 
 
 def by_model(records: Records) -> dict[str, list[RunRecord]]:
-    """Return the records of each model."""
+    """Return the records by model."""
     return grouped(records, lambda record: record.model)
 
 
 def model_groups(records: Records) -> dict[tuple[str, ...], list[RunRecord]]:
-    """Return the records of each model, as the groups of a table."""
+    """Return the records by model, in the form of groups for a table."""
     return grouped(records, lambda record: (record.model,))
 
 
 def by_set(records: Records) -> dict[str, list[RunRecord]]:
-    """Return the records of each mission set."""
+    """Return the records by mission set."""
     return grouped(records, lambda record: record.mission_set)
 
 
 def main_variant(records: Records) -> str:
-    """Return the variant that tables by model speak of, "" without any run.
+    """Return the variant for tables by model; "" if there are no runs.
 
-    It is the one that most models ran; among equals the reference, then `full`, then the one
-    with the most runs.
+    It is the variant with the most models. Of several, it is the reference, else `full`, else the
+    variant with the most runs.
     """
     variants = grouped(records, lambda record: record.variant)
     if not variants:
@@ -134,32 +134,32 @@ def comparable_runs(records: Records) -> list[RunRecord]:
 
 
 def needless_refusal(record: RunRecord) -> bool:
-    """Return whether no order was given although one was needed.
+    """Return whether a command was refused although it had to be carried out, in whole or in part.
 
-    A command that holding or reporting fulfils was not refused by an order to hold or to report:
-    the true state shows its success.
+    A command that a hold or a report fulfils does not count as refused, because its run is a strict
+    success.
     """
     return record.refused and not record.strict and record.expect in ("execute", "trim")
 
 
 def ablated_models(records: Records) -> list[str]:
-    """Return the models that ran under two variants or more."""
+    """Return the models with runs in two or more variants."""
     pairs = {(record.model, record.variant) for record in records}
     variants = Counter(model for model, _ in pairs)
     return [model for model in by_model(records) if variants[model] > 1]
 
 
 def published(model: str, quantity: str) -> PaperFigure | None:
-    """Return the paper's value of `quantity` for its `model`, None where its text gives none."""
+    """Return the paper's value of `quantity` for its `model`; None if the paper has none."""
     return _PAPER.results.get(model, {}).get(quantity)
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
-    """Return the 95 % score interval of a proportion, in closed form; (0, 1) without any run.
+    """Return the 95 % score interval of a proportion, in closed form; (0, 1) if there are no runs.
 
     E. B. Wilson, "Probable Inference, the Law of Succession, and Statistical Inference", Journal
-    of the American Statistical Association 22 (1927) 209-212. Raises ValueError for counts that
-    are no proportion.
+    of the American Statistical Association 22 (1927) 209-212. Raises ValueError if the counts are
+    not a proportion.
     """
     if not 0 <= successes <= runs:
         raise ValueError(f"{successes} of {runs} is no proportion")
@@ -182,13 +182,13 @@ class SuccessRate(NamedTuple):
 
     @classmethod
     def of(cls, results: Iterable[bool | None]) -> "SuccessRate":
-        """Count the true values among `results`; None is no result and does not count."""
+        """Return the rate of True among `results`, without values of None."""
         found = [result for result in results if result is not None]
         return cls(sum(found), len(found))
 
     @property
     def value(self) -> float | None:
-        """The share of successes, 0 to 1; None without any run."""
+        """The share of successes, 0 to 1; None if there are no runs."""
         return self.successes / self.runs if self.runs else None
 
     @property
@@ -203,18 +203,18 @@ class SuccessRate(NamedTuple):
 
 
 class Confusion(NamedTuple):
-    """The counts of a judgement against the truth: success (positive) or failure (negative)."""
+    """The counts of a judgement against the truth; success is positive, failure is negative."""
 
     tp: int = 0
     fp: int = 0
     fn: int = 0
     tn: int = 0
     silent: int = 0
-    """Runs on which there was no judgement; they count in no rate."""
+    """The runs without a judgement, which no rate includes."""
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[Opinion | None, bool]]) -> "Confusion":
-        """Count pairs of a judgement (None: there was none) and the truth."""
+        """Return the counts of pairs of a judgement (None if there was none) and the truth."""
         counts = Counter(pairs)
         return cls(
             tp=counts["Success", True],
@@ -226,7 +226,7 @@ class Confusion(NamedTuple):
 
     @property
     def judged(self) -> int:
-        """Runs with a judgement."""
+        """The number of runs with a judgement."""
         return self.tp + self.fp + self.fn + self.tn
 
     @property
@@ -246,16 +246,19 @@ class Confusion(NamedTuple):
 
     @property
     def base(self) -> SuccessRate:
-        """The share of true successes among the judged runs: the precision of always judging so."""
+        """The share of true successes among the judged runs, which is the rate to compare with.
+
+        It is the precision of a judge that always finds a success.
+        """
         return SuccessRate(self.tp + self.fn, self.judged)
 
     @property
     def f1(self) -> Interval | None:
-        """F1 with a 95 % interval, None when nothing was, or was judged, a success.
+        """F1 with a 95 % interval; None if no run was a success or was judged to be one.
 
-        F1 = 2 J / (1 + J) grows with J = TP / (TP + FP + FN), which is a proportion (Hand,
+        F1 = 2 J / (1 + J) increases with J = TP / (TP + FP + FN), which is a proportion (Hand,
         Christen, Kirielle, "F*: an interpretable transformation of the F-measure", Machine
-        Learning 110, 2021): so the ends of Wilson's interval for J give those for F1.
+        Learning 110, 2021). Therefore, Wilson's interval for J gives the interval for F1.
         """
         share = SuccessRate(self.tp, self.tp + self.fp + self.fn)
         if share.value is None:
@@ -275,9 +278,9 @@ class Spread(NamedTuple):
 
 
 def spread(values: Sequence[float]) -> Spread | None:
-    """Summarise `values`, None when there are none.
+    """Return the statistics of `values`; None if there are no values.
 
-    The interval of the mean is the normal one (zero for one value); the percentile is
+    The interval of the mean is the normal one, and zero for a single value. The percentile is
     interpolated linearly between ranks.
     """
     if not values:
@@ -289,7 +292,7 @@ def spread(values: Sequence[float]) -> Spread | None:
 
 
 class ReportTable(StrictModel):
-    """Rows of text under column titles; `name` is unique in a report, `note` explains it."""
+    """A table of texts; `name` is unique in a report, and `note` explains the table."""
 
     name: str
     title: str
@@ -305,12 +308,12 @@ class ReportTable(StrictModel):
         return self
 
     def numeric(self, column: int) -> bool:
-        """Return whether every cell of `column` is a number, a rate or nothing."""
+        """Return whether every cell of `column` is a number, a rate or without a value."""
         return column > 0 and all(_NUMBER.match(row[column]) for row in self.rows)
 
 
 Cell = str | int | SuccessRate
-"""The content of a cell; a rate is written as `rate_cell` writes it."""
+"""The content of a cell; `rate_cell` formats a rate."""
 
 
 def table_of(
@@ -320,9 +323,9 @@ def table_of(
     groups: Mapping[tuple[str, ...], Group],
     **values: object,
 ) -> ReportTable:
-    """Return the table `kind` with a row for each of `groups`: its key, then each column.
+    """Return the table `kind` with a row for each of `groups`, which is its key and the columns.
 
-    `values` stand in the title and the note.
+    `values` are inserted into the title and the note.
     """
     rows = [
         (*key, *(_written(column(group)) for column in columns.values()))
@@ -334,7 +337,7 @@ def table_of(
 def table_of_rows(
     kind: str, columns: Sequence[str], rows: Sequence[tuple[str, ...]], **values: object
 ) -> ReportTable:
-    """Return the table `kind` of `rows`; the value `of`, if there is one, ends its name."""
+    """Return the table `kind` with `rows`; the value `of`, if given, is added to its name."""
     text = TEXTS.tables[kind]
     return ReportTable(
         name=f"{kind}-{values['of']}" if "of" in values else kind,
@@ -350,12 +353,12 @@ def _written(cell: Cell) -> str:
 
 
 def percent(share: float | None) -> str:
-    """Write a share as a percentage."""
+    """Return a share as a percentage."""
     return NOTHING if share is None else f"{100 * share:.0f}%"
 
 
 def rate_cell(rate: SuccessRate) -> str:
-    """Write a rate as `83% (71-91) 40/48`: value, 95 % Wilson interval, successes and runs."""
+    """Return a rate as `83% (71-91) 40/48`: value, 95 % Wilson interval, successes and runs."""
     if not rate.runs:
         return NOTHING
     interval = f"({100 * rate.low:.0f}–{100 * rate.high:.0f})"
@@ -363,12 +366,12 @@ def rate_cell(rate: SuccessRate) -> str:
 
 
 def fraction_cell(value: Interval | None) -> str:
-    """Write a value between 0 and 1 and its interval as `0.83 (0.71-0.91)`."""
+    """Return a value between 0 and 1 with its interval as `0.83 (0.71-0.91)`."""
     return NOTHING if value is None else "{:.2f} ({:.2f}–{:.2f})".format(*value)
 
 
 def seconds(value: float | None) -> str:
-    """Write seconds with about three digits, so that milliseconds stay distinct."""
+    """Return seconds with about three digits, so that milliseconds remain visible."""
     if value is None:
         return NOTHING
     digits = 3 if value < 0.1 else 2 if value < 10 else 1

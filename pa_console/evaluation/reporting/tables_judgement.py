@@ -1,10 +1,10 @@
-"""Tables of judgement: JudgeLLM and telemetry against the truth (Fig. 5), readings, confidence.
+"""The tables of judgement: judge and telemetry against the truth (Fig. 5), readings, confidence.
 
-Selective classification: coverage, and success among what is covered (R. El-Yaniv and Y. Wiener,
-"On the Foundations of Noise-free Selective Classification", JMLR 11 (2010) 1605-1641). Expected
-calibration error: the distance between confidence and success, by bins of equal width, weighted by
-their runs (C. Guo, G. Pleiss, Y. Sun, K. Q. Weinberger, "On Calibration of Modern Neural Networks",
-ICML 2017).
+The tables of confidence show coverage and success in selective classification (R. El-Yaniv and
+Y. Wiener, "On the Foundations of Noise-free Selective Classification", JMLR 11 (2010) 1605-1641).
+The expected calibration error is the mean distance between confidence and success in bins of equal
+width, weighted by runs (C. Guo, G. Pleiss, Y. Sun, K. Q. Weinberger, "On Calibration of Modern
+Neural Networks", ICML 2017).
 """
 
 from collections.abc import Callable, Sequence
@@ -50,25 +50,26 @@ JUDGEMENTS: dict[VerdictSource, Callable[[RunRecord], Opinion | None]] = {
     "judge, outcome": lambda record: record.judge_outcome,
     "telemetry": _telemetry,
 }
-"""The judges of a run's success, and their judgement of one."""
+"""The sources of a judgement on a run's success, and the judgement of each on a run."""
 
 
 CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.reading)
-"""The variants in which the operator chooses one of the readings that are offered."""
+"""The variants in which the operator chooses another reading."""
 
 LEVELS = (0.5, UNSURE, 0.9)
+"""The levels of confidence in the table."""
 BINS = 10
 """The number of bins of equal width for confidence."""
 
 
 def confusion(records: Records, judgement: VerdictSource) -> Confusion:
-    """Return the confusion of `judgement` on `records` against strict success."""
+    """Return the counts of `judgement` on `records` against strict success."""
     says = JUDGEMENTS[judgement]
     return Confusion.of((says(record), record.strict) for record in records)
 
 
 def judge_tables(records: Records) -> list[ReportTable]:
-    """Return Fig. 5 on the paper's missions, the same on all missions, and refusals."""
+    """Return Fig. 5 for the paper's missions and for all missions, and the table of refusals."""
     main, paper = main_runs(records), comparable_runs(records)
     tables = [_figure_five(paper)] if paper else []
     if len(paper) < len(main):
@@ -114,18 +115,18 @@ def _judged(records: Records, kind: str, **values: str) -> ReportTable:
 
 
 def refusal_recall(records: Records) -> SuccessRate:
-    """Return how many of the commands that must be refused were."""
+    """Return the rate of refusals among the commands that must be refused."""
     return SuccessRate.of(record.refused for record in records if record.expect == "refuse")
 
 
 def refusal_precision(records: Records) -> SuccessRate:
-    """Return the number of right refusals, among commands that can be decided."""
+    """Return the rate of necessary refusals among all necessary and needless ones."""
     right = sum(record.refused for record in records if record.expect == "refuse")
     return SuccessRate(right, right + sum(needless_refusal(record) for record in records))
 
 
 def over_refusal(records: Records, *expected: Expectation, tag: str = "") -> SuccessRate:
-    """Return how many runs with an `expected` result and `tag` were refused without need."""
+    """Return the rate of needless refusals among runs with an `expected` result and `tag`."""
     return SuccessRate.of(
         needless_refusal(record)
         for record in records
@@ -152,7 +153,7 @@ def _refusals(records: Records) -> ReportTable:
 
 
 def reading_tables(records: Records) -> list[ReportTable]:
-    """Return success before and after a choice among readings; no table where none was made."""
+    """Return the table of success before and after a choice among readings, if there were any."""
     rows: list[tuple[str, ...]] = []
     chosen = by_model([record for record in records if record.variant in CHOOSING])
     for model, runs in by_model(main_runs(records)).items():
@@ -187,7 +188,7 @@ def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]
 
 
 class Bin(NamedTuple):
-    """The runs whose confidence is between two bounds: from `low` on, below `low` + 1 / BINS."""
+    """The runs with a confidence of at least `low` and below `low` + 1 / BINS."""
 
     low: float
     confidence: float
@@ -196,12 +197,12 @@ class Bin(NamedTuple):
 
 
 def confidence_and_success(records: Records) -> list[tuple[float, bool]]:
-    """Return confidence and strict success of every run that has a confidence."""
+    """Return confidence and strict success of each run with a confidence."""
     return [(run.confidence, run.strict) for run in records if run.confidence is not None]
 
 
 def reliability(told: Sequence[tuple[float, bool]]) -> list[Bin]:
-    """Return the bins that hold a run, the least confidence first."""
+    """Return the bins with at least one run, the lowest confidence first."""
     bins: dict[int, list[tuple[float, bool]]] = {}
     for confidence, strict in told:
         bins.setdefault(min(int(confidence * BINS), BINS - 1), []).append((confidence, strict))
@@ -216,7 +217,7 @@ def reliability(told: Sequence[tuple[float, bool]]) -> list[Bin]:
 
 
 def calibration_error(told: Sequence[tuple[float, bool]]) -> float | None:
-    """Return the expected calibration error, 0 to 1; None without any run."""
+    """Return the expected calibration error, 0 to 1; None if there are no runs."""
     apart = [
         abs(found.confidence - (found.strict.value or 0.0)) * found.strict.runs
         for found in reliability(told)
@@ -225,7 +226,7 @@ def calibration_error(told: Sequence[tuple[float, bool]]) -> float | None:
 
 
 def calibration_tables(records: Records) -> list[ReportTable]:
-    """Return the reliability of each model's confidence; no table without any."""
+    """Return the table of the reliability of each model's confidence, if any was reported."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
         told = confidence_and_success(runs)
@@ -251,7 +252,7 @@ def calibration_tables(records: Records) -> list[ReportTable]:
 
 
 def confidence_tables(records: Records) -> list[ReportTable]:
-    """Return success by confidence, for models that report one; no table without any."""
+    """Return the table of success by confidence, if any model reported a confidence."""
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(main_runs(records)).items():
         told = [run for run in runs if run.confidence is not None]

@@ -1,4 +1,4 @@
-"""Tables of success (the paper's Table I, Fig. 3), of the ablation, and of ways of failing."""
+"""The tables of success (the paper's Table I and Fig. 3), ablation, failures and latencies."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -41,17 +41,19 @@ _FIELD = re.compile(r"(?:\]|\b(?!run\b)[a-z]\w{0,2})\.([a-z_]+)\b(?!\()")
 _NAME = re.compile(r"\b\w*(?:[a-z][A-Z]|_|\d)\w*\b")
 _QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"")
 _CONSTANTS = frozenset(("gates", "base", "command", "grace_s", "standoff_m"))
-"""Fields of `run` about the world or the command: they cannot be the failed ones."""
+"""The fields of `run` about the world or the command, which cannot be the cause of a failure."""
 
 ABLATION_COLUMNS = (
     "Variant", "strict", "points", "better/ worse", "obeyed", "hybrid", "refusal recall",
     "broke a rule", "decision s", "tokens",
 )  # fmt: skip
 WAYS = 6
+"""The number of kinds of failure in a table; the rest is one row."""
 EXAMPLES = 2
+"""The number of examples for a kind of failure."""
 
 EXECUTED = frozenset(("verified", "unverified"))
-"""Statuses of missions whose plan was carried out, or begun."""
+"""The statuses of missions with a plan that was executed, at least in part."""
 
 SuccessKind = Literal["hybrid", "strict", "obeyed"]
 SCORES: dict[str, Callable[[Records], SuccessRate]] = {
@@ -59,19 +61,20 @@ SCORES: dict[str, Callable[[Records], SuccessRate]] = {
     "strict": lambda runs: success_rate(runs, "strict"),
     "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
 }
-"""The columns of success."""
+"""The columns of tables of success."""
 
 DECISION_STAGES = (
     "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
 )  # fmt: skip
-"""The stages from the command to a judged plan, repairs included; wall time (names of Metrics)."""
+"""The stages from the command to a judged plan, including repairs, as wall-time fields of Metrics.
+"""
 
 STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
-"""Every stage that takes wall time of the station; execution is simulated and stands apart."""
+"""All stages that take wall time of the station; execution is simulated and listed separately."""
 
 
 class FailureKind(NamedTuple):
-    """The expectation of a mission, its end, and its failure."""
+    """A kind of failure: the expected result of the mission, its end, and the cause."""
 
     wanted: str
     ended: str
@@ -79,10 +82,10 @@ class FailureKind(NamedTuple):
 
 
 def failure_kind(record: RunRecord) -> FailureKind | None:
-    """Return in which way `record` failed, None when it is a strict success.
+    """Return the kind of failure of `record`; None if it is a strict success.
 
-    The cause of a run that executed something is the rules it broke and the kinds of condition
-    that do not hold; of any other run it is why nothing was executed.
+    If a plan was executed, the cause is the broken rules and the kinds of conditions that do not
+    hold. Otherwise, the cause is the reason why nothing was executed.
     """
     if record.strict:
         return None
@@ -96,7 +99,7 @@ def failure_kind(record: RunRecord) -> FailureKind | None:
 
 
 def condition_kind(condition: str) -> str:
-    """Return which facts of the run a success condition looks at, without any name or number.
+    """Return the facts of the run that a success condition uses, without names and numbers.
 
     `run.tracks.exists(t, t.gate == 'X' && t.observed_s >= 0.0)` is `tracks (gate, observed_s)`.
     """
@@ -108,7 +111,7 @@ def condition_kind(condition: str) -> str:
 
 
 def reason_pattern(reason: str) -> str:
-    """Return why nothing was executed, as rule ids or words without names and numbers."""
+    """Return the reason for no execution as rule ids, or as words without names and numbers."""
     kinds: dict[str, None] = {}
     for part in filter(None, (piece.strip() for piece in reason.split(";"))):
         rule = _RULE.match(part)
@@ -118,18 +121,18 @@ def reason_pattern(reason: str) -> str:
 
 
 def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
-    """Return how many of `records` are a success by `name`."""
+    """Return the rate of success of the kind `name` among `records`."""
     return SuccessRate.of(getattr(record, name) for record in records)
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
-    """Write the paper's share for its `model`, with a star when it only follows."""
+    """Return the paper's share for its `model`, with a star if the value is derived."""
     value = published(model, quantity)
     return NOTHING if value is None else percent(value.value) + "*" * value.derived
 
 
 def success_tables(records: Records) -> list[ReportTable]:
-    """Return Table I and Fig. 3 of the paper's set, then every set overall and by category."""
+    """Return Table I and Fig. 3 for the paper's missions, and tables by set and by category."""
     paper = comparable_runs(records)
     tables: list[ReportTable] = []
     if paper:
@@ -143,7 +146,7 @@ def success_tables(records: Records) -> list[ReportTable]:
 
 
 def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
-    """Return the paper's Table I for one of the two kinds of success, with the paper's columns."""
+    """Return Table I for one kind of success, for `hybrid` with the paper's columns."""
     models = by_model(records)
     theirs = list(MODELS) if name == "hybrid" else []
     rows: list[tuple[str, ...]] = []
@@ -159,7 +162,7 @@ def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTabl
 
 
 def figure_three(records: Records) -> ReportTable:
-    """Return overall success by model (Fig. 3), the paper's models below ours."""
+    """Return overall success by model (Fig. 3), followed by the paper's models."""
     own = table_of("figure-3", ("Model",), SCORES, model_groups(records))
     theirs = [
         (f"paper: {full}", paper_cell(model, "hybrid"), paper_cell(model, "strict"), NOTHING)
@@ -188,7 +191,7 @@ def _by_category(records: Records, name: str) -> ReportTable:
 
 
 class Difference(NamedTuple):
-    """Strict success of a variant against the reference, on the runs that both made."""
+    """The strict success of a variant against the reference, on the runs of both."""
 
     pairs: int
     better: int
@@ -196,12 +199,12 @@ class Difference(NamedTuple):
 
     @property
     def points(self) -> float | None:
-        """The difference in percentage points; None without a pair."""
+        """The difference in percentage points; None if there are no pairs."""
         return 100 * (self.better - self.worse) / self.pairs if self.pairs else None
 
 
 def difference(records: Records, reference: Records) -> Difference:
-    """Compare the runs of the same mission and seed."""
+    """Return the difference between runs of the same mission and seed."""
     known = {record.case: record.strict for record in reference}
     both = [(record.strict, known[record.case]) for record in records if record.case in known]
     better = sum(mine and not theirs for mine, theirs in both)
@@ -209,12 +212,12 @@ def difference(records: Records, reference: Records) -> Difference:
 
 
 def reference_variant(records: Records) -> str:
-    """Return the variant that the others of one model are compared with."""
+    """Return the variant with which the other variants of a model are compared."""
     return REFERENCE if any(r.variant == REFERENCE for r in records) else main_variant(records)
 
 
 def ablation_tables(records: Records) -> list[ReportTable]:
-    """Return one table for each model that ran under two variants or more."""
+    """Return a table for each model with runs in two or more variants."""
     models = by_model(records)
     return [
         _ablation(model, models[model], {n: runs for n, runs in models.items() if n != model})
@@ -230,7 +233,7 @@ def variants_of(records: Records) -> dict[str, list[RunRecord]]:
 
 
 def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) -> ReportTable:
-    """Return the rows of every variant of `model`, then of other models under its reference."""
+    """Return the table of all variants of `model`, and of other models in its reference variant."""
     variants = variants_of(records)
     reference = next(iter(variants))
     shown = dict(variants)
@@ -268,7 +271,7 @@ def _tokens(records: Records) -> str:
 
 
 def failure_tables(records: Records) -> list[ReportTable]:
-    """Return the ways in which each model fails most, and the attempts it takes."""
+    """Return the tables of the most common failures of each model, and of attempts."""
     main = main_runs(records)
     tables = [_failures(model, runs) for model, runs in by_model(main).items()]
     return [table for table in (*tables, _attempts(main)) if table.rows]
@@ -298,7 +301,7 @@ def _failures(model: str, records: Records) -> ReportTable:
 
 
 def _examples(runs: Sequence[RunRecord]) -> str:
-    """Return ids of runs, of different missions as far as there are some."""
+    """Return the ids of up to EXAMPLES runs of different missions."""
     missions = grouped(runs, lambda record: record.mission)
     return ", ".join(found[0].run for found in list(missions.values())[:EXAMPLES])
 
@@ -321,7 +324,7 @@ def _attempts(records: Records) -> ReportTable:
 
 
 def stage_name(stage: str) -> str:
-    """Return what tables and figures call the Metrics field `stage`."""
+    """Return the name of the Metrics field `stage` in tables and figures."""
     return stage.removesuffix("_s").replace("_", " ")
 
 
@@ -331,15 +334,15 @@ def stage_seconds(record: RunRecord, stage: str) -> float:
 
 
 def decision_seconds(record: RunRecord) -> float:
-    """Return the wall seconds from the command to a judged plan, repairs included."""
+    """Return the wall time from the command to a judged plan, including repairs, in seconds."""
     return sum(stage_seconds(record, stage) for stage in DECISION_STAGES)
 
 
 def field_seconds(record: RunRecord) -> float:
-    """Return decision, dispatch and execution in simulated seconds together.
+    """Return the sum of decision, dispatch and simulated execution, in seconds.
 
-    That is the paper's end-to-end latency (Section V-D), from the command to the confirmation,
-    for assets that move as fast as those simulated do.
+    This is the paper's end-to-end latency (Section V-D), from the command to the confirmation, for
+    assets with the speed of the simulated ones.
     """
     return decision_seconds(record) + record.metrics.dispatch_s + record.metrics.execution_s
 
@@ -354,7 +357,7 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 
 
 def latency_tables(records: Records) -> list[ReportTable]:
-    """Return Fig. 4 (on the paper's missions when they were run) and the stages' latencies."""
+    """Return Fig. 4, for the paper's missions if there are runs of them, and all stages."""
     main, paper = main_runs(records), comparable_runs(records)
     tables = [_figure_four(paper or main, bool(paper)), _stages(main)]
     return [table for table in tables if table.rows]
@@ -401,6 +404,6 @@ def _stage_cell(records: Records, stage: str) -> str:
 
 
 def decision_median(records: Records) -> str:
-    """Write the median decision latency of `records`."""
+    """Return the median decision latency of `records` as text."""
     found = spread([decision_seconds(record) for record in records])
     return NOTHING if found is None else seconds(found.median)

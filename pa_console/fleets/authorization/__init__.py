@@ -1,8 +1,10 @@
-"""Authorizations: proof, at the vehicle, that named people have approved this very command.
+"""Authorizations, with which a vehicle verifies that named people approved a command.
 
-People sign approvals, a station signs a token for each command with the approvals in it, and the
-`Verifier` of a vehicle checks both against the roster that the owner of the site has signed. This
-folder needs pyjwt, cryptography and the standard library and no other part of this package.
+People sign approvals. A station signs a token for each command and includes the approvals. The
+`Verifier` of the vehicle checks both against the roster, which the site's owner has signed.
+
+This folder depends only on pyjwt, cryptography and the standard library, not on other parts of
+`pa_console`, so that a vehicle can use it alone.
 """
 
 from pa_console.fleets.authorization.messages import (

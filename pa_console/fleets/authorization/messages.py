@@ -1,6 +1,6 @@
-"""The signed messages of a site: approvals, tokens, rosters, revocations, takeovers.
+"""The signed messages of a site: approvals, tokens, rosters, revocations, takeovers, records.
 
-All of them are JWTs, signed with Ed25519 ("EdDSA"), and name their kind in the header.
+Each message is a JWT, signed with Ed25519 ("EdDSA"). Its header names the kind of message.
 """
 
 import hashlib
@@ -17,42 +17,54 @@ from jwt.utils import base64url_decode, base64url_encode
 
 Role = Literal["observer", "operator", "commander"]
 ROLES: tuple[Role, ...] = ("observer", "operator", "commander")
-"""The roles of people, each with more rights than the one before: watch, approve, put a station in
-command."""
+"""The roles of people, in ascending order of rights.
+
+Observers watch, operators also approve, and commanders also put stations in command.
+"""
 
 Kind = Literal["operator", "override", "standing"]
 KINDS: tuple[Kind, ...] = ("operator", "override", "standing")
-"""The kinds of approval: after looking, against the judge with a reason, or beforehand."""
+"""The kinds of approval.
+
+An `operator` approval follows a look at the plan, an `override` goes against the judge's Failure
+and gives a reason, and a `standing` approval is given in advance.
+"""
 
 Message = Literal["command", "approval", "roster", "revocation", "takeover", "records"]
 UNSIGNED = frozenset(("hold",))
-"""The commands that never need a token: nothing may stand in the way of a stop."""
+"""The commands that never need a token, so that a stop always gets through."""
 
 TOKEN_S = 30.0
-"""The longest validity of a token, seconds; a command that is sent again gets another one."""
+"""The longest validity of a token, in seconds. A command that is sent again gets a new token."""
 
 APPROVAL_S = 3600.0
-"""The longest validity of an approval, seconds: of a plan and its way to safety."""
+"""The longest validity of an approval of a plan and its way to safety, in seconds."""
 
 RECORDS_S = 10.0
-"""The longest time that shared records of a session log may be on their way, seconds."""
+"""The longest validity of the signature on shared records of a session log, in seconds."""
 
 LEEWAY_S = 2.0
-"""The largest difference between the clocks of a station and a vehicle, seconds."""
+"""The largest accepted difference between the clocks of a station and a vehicle, in seconds."""
 
 MOST_USED = 4096
-"""The number of used tokens that are remembered; tokens older than all of them are refused
-unread."""
+"""The largest number of used tokens that a vehicle remembers. Older tokens are refused."""
 
 MOST_CHARACTERS = 65_536
+"""The largest accepted length of a message."""
+
 ROUNDING_S = 0.001
+"""The tolerance for rounding in the length of a validity, in seconds."""
+
 _ALGORITHM = "EdDSA"
+_APPROVAL_HEADER = {"alg": "EdDSA", "typ": "pa-approval+jwt"}
+_OF_GROUNDS = ("session", "plan", "rules", "kind", "epoch")
+_TEXTS = ("person", "station", "session", "request", "plan", "rules")
 _JWS = jwt.PyJWS(algorithms=[_ALGORITHM])
 Claims = dict[str, Any]
 
 
 class Command(Protocol):
-    """A command as a vehicle gets it; `target` is None for one without a frame."""
+    """A command as a vehicle receives it. `target` is None if the command takes no frame."""
 
     @property
     def command_id(self) -> str: ...  # noqa: D102
@@ -66,7 +78,7 @@ class Command(Protocol):
 
 @dataclass(frozen=True)
 class Person:
-    """A person of the site: the public key in hexadecimal, and the role."""
+    """A person of the site, with the public key in hexadecimal and the role."""
 
     key: str
     role: Role
@@ -74,17 +86,18 @@ class Person:
 
 @dataclass(frozen=True)
 class EnrolledRules:
-    """A rule set that plans may be checked by, and how many people must approve what."""
+    """A rule set that vehicles accept."""
 
     name: str
     approvals: Mapping[str, int] = field(default_factory=dict[str, int])
+    """The number of people who must approve each act, if it is more than one."""
 
 
 @dataclass(frozen=True)
 class Roster:
     """The members of a site: people and stations by name, rule sets by SHA-256.
 
-    No takeover below `epoch` counts any more, even at a vehicle that has forgotten the later ones.
+    Takeovers below `epoch` are no longer valid, even at a vehicle that has lost the later ones.
     """
 
     serial: int = 0
@@ -95,7 +108,7 @@ class Roster:
 
     @classmethod
     def of(cls, claims: Mapping[str, Any]) -> Self:
-        """Return the roster that `claims` are; raises ValueError for what is none."""
+        """Return the roster in `claims`; raises ValueError if a part is not valid."""
         roster = cls(
             whole_number(claims["serial"]),
             {name: Person(**person) for name, person in claims["people"].items()},
@@ -115,15 +128,16 @@ class Roster:
         return roster
 
     def station_of(self, key: str) -> str:
-        """Return the name of the station with the public key `key`, '' for none."""
+        """Return the name of the station with the public key `key`; '' if there is none."""
         return next((name for name, its in self.stations.items() if its == key), "")
 
 
 @dataclass(frozen=True)
 class Approval:
-    """One person's approval of a plan: its orders and its way to safety, each in words.
+    """One person's approval of a plan.
 
-    `station` is the public key of the station that may send them; `acts` are the acts beyond a
+    `orders` are the commands of the plan and of its way to safety, each as `words` returns it.
+    `station` is the public key of the station that may send them. `acts` are the acts beyond a
     plain approval: `override`, `acknowledge`. All hashes are SHA-256.
     """
 
@@ -140,9 +154,9 @@ class Approval:
 
 @dataclass(frozen=True)
 class Grounds:
-    """The approvals that a command rests on, by the person's name, and their subject.
+    """The basis of a command: the signed approvals, by the person's name, and their subject.
 
-    `operator` is the person whose decision it was.
+    `operator` is the person who made the decision.
     """
 
     operator: str
@@ -160,18 +174,18 @@ def public_of(key: Ed25519PrivateKey) -> str:
 
 
 def digest(command: Command) -> str:
-    """Return the SHA-256 of the whole content of `command`."""
+    """Return the SHA-256 of the entire content of `command`."""
     said = [command.command_id, command.agent, command.verb, command.target]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()
 
 
 def words(command: Command) -> str:
-    """Return `command` as people approve it: agent, verb and target."""
+    """Return `command` in the words that people approve: agent, verb and target."""
     return " ".join(filter(None, (command.agent, command.verb, command.target)))
 
 
 def sign_approval(key: Ed25519PrivateKey, approval: Approval, now: float) -> str:
-    """Return `approval` signed by the person's own `key`, good for APPROVAL_S from `now`."""
+    """Return `approval`, signed with the person's `key` and valid for APPROVAL_S from `now`."""
     return sign("approval", {**asdict(approval), "nbf": now, "exp": now + APPROVAL_S}, key)
 
 
@@ -184,10 +198,10 @@ def sign_command(
     head: str = "",
     serial: str = "",
 ) -> str:
-    """Return the token with which the station that has `key` sends `command`; takes about 0.1 ms.
+    """Return the token for `command`, signed with the station's `key`; takes about 0.1 ms.
 
-    `now` is in seconds since 1970, `head` the head of the station's log, which holds the decision.
-    The vehicle's `serial` is by default the command's agent.
+    `now` is in seconds since 1970. `head` is the head of the station's log, which contains the
+    decision. `serial` is the vehicle's serial number; by default, the name of the command's agent.
     """
     claims = {
         "iss": public_of(key),
@@ -204,27 +218,37 @@ def sign_command(
     return sign("command", claims, key)
 
 
-_OF_GROUNDS = ("session", "plan", "rules", "kind", "epoch")
-
-
 def sign_roster(owner: Ed25519PrivateKey, roster: Roster) -> str:
-    """Return `roster` signed by the owner of the site; its serial must be higher than the last."""
+    """Return `roster`, signed with the site owner's key.
+
+    Receivers accept it only if its serial is higher than the last one.
+    """
     return sign("roster", asdict(roster), owner)
 
 
 def sign_revocation(owner: Ed25519PrivateKey, serial: int, keys: Sequence[str]) -> str:
-    """Return the message that revokes `keys`, all there ever were; `serial` only grows."""
+    """Return the message that revokes `keys`, signed with the site owner's key.
+
+    `keys` must include every key that was revoked before, and `serial` must be higher than the
+    last one.
+    """
     return sign("revocation", {"serial": serial, "keys": sorted(keys)}, owner)
 
 
 def sign_takeover(commander: Ed25519PrivateKey, person: str, epoch: int, station: str) -> str:
-    """Return the message with which a commander puts the station of that key in command."""
+    """Return the message that puts a station in command, signed with the commander's key.
+
+    `person` is the commander's name, and `station` is the station's public key.
+    """
     return sign("takeover", {"person": person, "epoch": epoch, "station": station}, commander)
 
 
 @dataclass(frozen=True)
 class Records:
-    """A part of the session log that a station shares: which records, and the hash of the last."""
+    """A part of the session log that a station shares.
+
+    `first` and `last` are the numbers of the records; `head` is the hash of the last one.
+    """
 
     session: str
     first: int
@@ -233,16 +257,16 @@ class Records:
 
 
 def sign_records(key: Ed25519PrivateKey, records: Records, now: float) -> str:
-    """Return the message with which the station that has `key` vouches for `records`."""
+    """Return the message that vouches for `records`, signed with the station's `key`."""
     return sign("records", {**asdict(records), "nbf": now, "exp": now + RECORDS_S}, key)
 
 
 class RefusedError(Exception):
-    """The reason why a message is not accepted, in words."""
+    """Raised with the reason if a message is not accepted."""
 
 
 def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
-    """Return the message of that kind that makes these claims, signed with `key`."""
+    """Return a message of that `kind` with `claims`, signed with `key`."""
     payload = json.dumps(claims, separators=(",", ":")).encode()
     return _JWS.encode(payload, key, _ALGORITHM, headers={"typ": f"pa-{kind}+jwt"})
 
@@ -250,7 +274,11 @@ def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
 def open_message(
     message: str, kind: Message, key: Ed25519PublicKey, what: str = "its authorization"
 ) -> Claims:
-    """Return the claims of a message of that kind; raises RefusedError unless `key` signed it."""
+    """Return the claims of a `message` of that `kind`, which must be signed with `key`.
+
+    Raises RefusedError if the message is too long, altered, not in canonical form, signed with
+    another key or of another kind. `what` is the name of the message in the reason.
+    """
     if len(message) > MOST_CHARACTERS:
         raise RefusedError(f"{what} is longer than {MOST_CHARACTERS} characters")
     try:
@@ -259,6 +287,8 @@ def open_message(
         raise RefusedError(f"{what} was altered, or signed with a wrong key") from error
     except jwt.InvalidTokenError as error:
         raise RefusedError(f"{what} cannot be read: {error}") from error
+    # Base64 can encode one signature in several ways. Only the canonical one is accepted, so that
+    # an altered copy of a message cannot pass as a different message.
     if message.rpartition(".")[2] != base64url_encode(opened["signature"]).decode():
         raise RefusedError(f"{what} is not written in the one way there is")
     if opened["header"].get("typ") != f"pa-{kind}+jwt":
@@ -267,7 +297,7 @@ def open_message(
 
 
 def check_time(claims: Claims, what: str, most_s: float, now: float) -> None:
-    """Raise RefusedError unless `claims` hold at `now`, and for no longer than `most_s`."""
+    """Raise RefusedError if `claims` are not valid at `now`, or are valid for over `most_s`."""
     begins, ends = claims["nbf"], claims["exp"]
     if not (is_time(begins) and is_time(ends) and ends - begins <= most_s + ROUNDING_S):
         raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
@@ -278,7 +308,10 @@ def check_time(claims: Claims, what: str, most_s: float, now: float) -> None:
 
 
 def read_claims(payload: bytes) -> Claims:
-    """Return what a payload claims; raises RefusedError or ValueError for what is no object."""
+    """Return the claims in `payload`.
+
+    Raises ValueError if it is not JSON, and RefusedError if it is not an object.
+    """
     claims: object = json.loads(payload)
     if not isinstance(claims, dict):
         raise RefusedError("its authorization has no claims")
@@ -286,14 +319,14 @@ def read_claims(payload: bytes) -> Claims:
 
 
 def unverified(message: str) -> Claims:
-    """Return the unverified claims of a message."""
+    """Return the claims of `message` without a check of its signature."""
     return read_claims(
         _JWS.decode_complete(message, options={"verify_signature": False})["payload"]
     )
 
 
 def kind_of(message: str) -> str:
-    """Return the kind that a message claims; raises RefusedError for a message that is too long."""
+    """Return the kind in the header of `message`; raises RefusedError if it is too long."""
     if len(message) > MOST_CHARACTERS:
         raise RefusedError(f"it is longer than {MOST_CHARACTERS} characters")
     typ = str(_JWS.get_unverified_header(message).get("typ"))
@@ -302,33 +335,29 @@ def kind_of(message: str) -> str:
 
 @lru_cache(maxsize=256)
 def public_key(key: str) -> Ed25519PublicKey:
-    """Return the public key of 32 bytes in hexadecimal; raises ValueError for what is none."""
+    """Return the public key from 32 bytes in hexadecimal; raises ValueError if it is not valid."""
     return Ed25519PublicKey.from_public_bytes(bytes.fromhex(key))
 
 
 def whole_number(value: object) -> int:
-    """Return `value`, a serial or an epoch; raises ValueError for what is none."""
+    """Return `value`, a serial or an epoch; raises ValueError if it is not one."""
     if type(value) is not int or not 0 <= value < 2**53:
         raise ValueError(f"{value!r} is no number from 0 on")
     return value
 
 
 def is_time(value: object) -> TypeGuard[float]:
-    """Return whether `value` is a number of seconds and no truth value."""
+    """Return whether `value` is a number; a bool is not a number."""
     return type(value) in (int, float)
-
-
-_APPROVAL_HEADER = {"alg": "EdDSA", "typ": "pa-approval+jwt"}
-_TEXTS = ("person", "station", "session", "request", "plan", "rules")
 
 
 @dataclass(frozen=True)
 class UnsignedApproval:
-    """An approval ready for signing: `text` is header and claims of a JWT, in ASCII.
+    """An approval that is ready for signing.
 
-    The signature is Ed25519 (RFC 8032) over the bytes of `text`. The signed approval is `text`, a
-    full stop, and the 64 bytes of the signature in base64url without padding. `begins` and `ends`
-    are in seconds since 1970.
+    `text` is the header and the claims of a JWT, in ASCII. The signature is Ed25519 (RFC 8032)
+    over the bytes of `text`. The signed approval is `text`, a full stop, and the 64 bytes of the
+    signature in base64url without padding. `begins` and `ends` are in seconds since 1970.
     """
 
     text: str
@@ -345,9 +374,9 @@ class UnsignedApproval:
 
     @classmethod
     def read(cls, text: str) -> Self:
-        """Return the request for approval in `text`; raises RefusedError for anything else.
+        """Return the approval in `text`; raises RefusedError if `text` is anything else.
 
-        A takeover, a roster or a command is never accepted here, so that no person signs one in the
+        Takeovers, rosters and commands are refused, so that a person does not sign one in the
         belief that it is an approval.
         """
         try:
@@ -370,7 +399,7 @@ class UnsignedApproval:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def signed(self, key: Ed25519PrivateKey) -> str:
-        """Return the approval signed by the person's own `key`."""
+        """Return the approval, signed with the person's `key`."""
         signature = key.sign(self.text.encode("ascii"))
         return f"{self.text}.{base64url_encode(signature).decode()}"
 
@@ -390,7 +419,7 @@ def _opened(text: str) -> tuple[Claims, Claims]:
 
 
 def _approval(claims: Claims) -> Approval:
-    """Return the approval that `claims` are; raises ValueError where a part is of no right kind."""
+    """Return the approval in `claims`; raises ValueError if a part has the wrong type."""
     texts = {part: claims[part] for part in _TEXTS}
     if not all(isinstance(value, str) for value in texts.values()) or claims["kind"] not in KINDS:
         raise ValueError("a part of it is of no known kind")

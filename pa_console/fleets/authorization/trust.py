@@ -1,4 +1,4 @@
-"""The trust of a vehicle or a station: roster, revoked keys, station in command."""
+"""The messages that a vehicle or a station trusts: roster, revoked keys, station in command."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,11 +25,12 @@ KINDS_OF_TRUST: tuple[Message, ...] = ("roster", "revocation", "takeover")
 """The kinds of messages that change the trust of a vehicle or a station."""
 
 MOST_REFUSED = 16
+"""The largest number of refused messages that are kept and tried again."""
 
 
 @dataclass(frozen=True)
 class Takeover:
-    """The station in command, and the epoch that a commander has signed for it."""
+    """The station in command, by its public key, and the epoch that a commander signed for it."""
 
     epoch: int = 0
     station: str = ""
@@ -39,12 +40,12 @@ class Takeover:
 class Trust:
     """The trust of a vehicle or a station: roster, revoked keys, station in command.
 
-    It begins with the public key of the site's owner and takes signed messages, each only if it is
-    newer than the one before.
+    Trust starts with the public key of the site's owner. Signed messages update it, each only if
+    it is newer than the one before.
     """
 
     def __init__(self, owner: str) -> None:
-        """`owner` is 32 bytes in hexadecimal; raises ValueError when it is no public key."""
+        """Trust `owner`, a public key of 32 bytes in hexadecimal; raises ValueError if invalid."""
         self._owner = public_key(owner)
         self.roster = Roster()
         self.revoked: frozenset[str] = frozenset()
@@ -54,7 +55,7 @@ class Trust:
 
     @property
     def in_command(self) -> str:
-        """The station in command, in words."""
+        """A sentence that names the station in command and its epoch."""
         if not self.takeover.epoch:
             return "no station is in command: a commander has to sign for one"
         name = self.roster.station_of(self.takeover.station) or "a station that is not enrolled"
@@ -68,9 +69,9 @@ class Trust:
     def take(self, message: str) -> str:
         """Accept a signed roster, revocation or takeover; return the reason if refused, else ''.
 
-        A repeated message is accepted and changes nothing. If two commanders sign takeovers of one
-        epoch independently, the one for the station with the highest key counts, so that every
-        receiver of both follows the same one.
+        A repeated message is accepted and changes nothing. If two commanders independently sign
+        takeovers with the same epoch, the station with the higher key is in command, so that every
+        receiver of both messages follows the same station.
         """
         try:
             match kind_of(message):
@@ -89,7 +90,7 @@ class Trust:
         return ""
 
     def person(self, name: str) -> Person:
-        """Return the person called `name`; raises RefusedError for an unknown or revoked one."""
+        """Return the person called `name`; raises RefusedError if unknown or revoked."""
         person = self.roster.people.get(name)
         if person is None:
             raise RefusedError(f"{name!r} is not in the roster")
@@ -98,17 +99,17 @@ class Trust:
         return person
 
     def approver(self, name: str) -> Person:
-        """Return the person called `name`, who may approve; raises RefusedError otherwise."""
+        """Return the person called `name`; raises RefusedError if that person may not approve."""
         person = self.person(name)
         if ROLES.index(person.role) < ROLES.index("operator"):
             raise RefusedError(f"{name} has the role {person.role}, which may approve nothing")
         return person
 
     def approval(self, name: str, message: str, now: float) -> tuple[Claims, str]:
-        """Return the approval by the person called `name`, and its public key.
+        """Return the claims of the approval by the person called `name`, and the person's key.
 
-        Raises RefusedError without a signature by a person who may approve, and for an outdated
-        one.
+        Raises RefusedError if the person may not approve or did not sign `message`, and if the
+        approval is not valid at `now`.
         """
         person, what = self.approver(name), f"the approval of {name}"
         approval = open_message(message, "approval", public_key(person.key), what)
@@ -120,7 +121,8 @@ class Trust:
     def records(self, station: str, message: str, now: float) -> Records:
         """Return the records that the station called `station` vouches for at `now`.
 
-        Raises RefusedError for what it has not signed, and for what is out of date.
+        Raises RefusedError if the station did not sign `message`, and if the signature is not
+        valid at `now`.
         """
         key, what = self.roster.stations.get(station), f"the signature of {station}"
         if key is None or key in self.revoked:
@@ -168,22 +170,25 @@ class Trust:
 
 
 class SignedMessages:
-    """Takes signed messages in, in whatever order they come, as from a bus that retains them.
+    """A receiver of signed messages that may arrive in any order, as from a bus that retains them.
 
-    A takeover may come before the roster that names its commander. So the last MOST_REFUSED that
-    were refused are tried again when another message is taken.
+    A takeover may arrive before the roster that names its commander. Therefore, the last
+    MOST_REFUSED refused messages are tried again whenever another message is accepted.
     """
 
     def __init__(self, take: Callable[[str], str]) -> None:
-        """`take` accepts one message; it returns why not, '' when it is taken."""
+        """Pass messages to `take`, which accepts a message or returns the reason if refused."""
         self._take = take
         self.newest: dict[str, str] = {}
-        """The message of each kind that was taken last."""
+        """The last accepted message of each kind."""
         self._refused: dict[str, str] = {}
-        """The kind of each message that was refused lately."""
+        """The recently refused messages, each with its kind."""
 
     def hear(self, message: str) -> str:
-        """Take `message` if it is newer than the known one; return why not, '' when it is taken."""
+        """Accept `message` if it is newer than the known one; return the reason if refused.
+
+        The result is '' if the message is accepted or already known.
+        """
         try:
             kind = kind_of(message)
         except Exception as error:

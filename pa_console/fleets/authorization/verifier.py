@@ -1,4 +1,4 @@
-"""Decides at a vehicle whether a command may be carried out, by what the vehicle remembers."""
+"""The verifier of a vehicle, which decides whether a command may be carried out, and its memory."""
 
 import json
 import sqlite3
@@ -29,12 +29,15 @@ from pa_console.fleets.authorization.messages import (
 )
 from pa_console.fleets.authorization.trust import Takeover, Trust
 
+_ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
+_USED = {"used": "used before", "forgotten": "made before anything that this vehicle remembers"}
+
 
 class Memory:
     """The used tokens and the newest signed messages of a vehicle.
 
-    With a `path` they survive a restart and a power cut: a token is on the disk before its command
-    is carried out. Raises OSError or sqlite3.Error when that file cannot be used.
+    With a `path`, the memory survives a restart and a power cut: a token is on the disk before its
+    command is carried out. Raises OSError or sqlite3.Error if the file cannot be used.
     """
 
     def __init__(self, path: Path | None = None, most: int = MOST_USED) -> None:
@@ -54,9 +57,10 @@ class Memory:
         self._count = {str(kind): int(count) for kind, count in self._base.execute(query)}
 
     def use(self, kind: str, name: str, until: float) -> Literal["", "used", "forgotten"]:
-        """Remember that `name`, good `until` then, is used; "" if it was not used before.
+        """Record the use of `name`, which expires at `until`, and return ''.
 
-        What ended no later than something that was forgotten may have been used: "forgotten".
+        Returns "used" if `name` was used before. Returns "forgotten" if `name` expires no later
+        than an entry that was deleted, because `name` may have been deleted as well.
         """
         if until <= float(self.kept(f"{kind} horizon") or 0.0):
             return "forgotten"
@@ -71,21 +75,24 @@ class Memory:
         return ""
 
     def kept(self, name: str) -> str:
-        """Return the value stored under `name`, '' if there is none."""
+        """Return the value stored under `name`; '' if there is none."""
         row = self._base.execute("SELECT value FROM kept WHERE name = ?", (name,)).fetchone()
         return str(row[0]) if row is not None else ""
 
     def keep(self, name: str, value: str) -> None:
-        """Store `value` under `name` and replace the earlier value."""
+        """Store `value` under `name` in place of any earlier value."""
         with self._base:
             self._base.execute("INSERT OR REPLACE INTO kept VALUES (?, ?)", (name, value))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._base.close()
 
     def _forget(self, kind: str) -> None:
-        """Forget the half that ends first; nothing that ended by then is ever taken again."""
+        """Delete the half of the entries that expires first, and record the latest expiry of them.
+
+        From then on, `use` returns "forgotten" for every name that expires by that time.
+        """
         query = "SELECT until FROM used WHERE kind = ? ORDER BY until LIMIT 1 OFFSET ?"
         row = self._base.execute(query, (kind, self._count[kind] // 2)).fetchone()
         query = "DELETE FROM used WHERE kind = ? AND until <= ?"
@@ -94,14 +101,11 @@ class Memory:
         self._base.execute("INSERT OR REPLACE INTO kept VALUES (?, ?)", horizon)
 
 
-_ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
-_USED = {"used": "used before", "forgotten": "made before anything that this vehicle remembers"}
-
-
 class Verifier:
-    """Decides, at one vehicle, whether a command may be carried out; whatever goes wrong, it not.
+    """The check at one vehicle that decides whether a command may be carried out.
 
-    A vehicle that has a command's id already repeats its last answer and does not ask again.
+    If anything goes wrong, the command is refused. A vehicle does not verify a command id that it
+    already has; it repeats its last answer.
     """
 
     def __init__(
@@ -111,9 +115,10 @@ class Verifier:
         memory: Memory | None = None,
         now: Callable[[], float] = time.time,
     ) -> None:
-        """`serial` is the vehicle's, `owner` the public key of the site's owner, `now` its clock.
+        """Verify commands to the vehicle with the serial number `serial`.
 
-        Raises ValueError for a memory that is of a vehicle of another owner.
+        `owner` is the public key of the site's owner, and `now` is the vehicle's clock. Raises
+        ValueError if `memory` belongs to a vehicle of another owner.
         """
         self.serial, self.trust, self._now = serial, Trust(owner), now
         self._memory = memory if memory is not None else Memory()
@@ -124,7 +129,10 @@ class Verifier:
         self._recall()
 
     def take(self, message: str) -> str:
-        """Accept a signed roster, revocation or takeover; return why not, '' when it is taken."""
+        """Accept a signed roster, revocation or takeover; return the reason if refused, else ''.
+
+        If the memory cannot store an accepted message, the error is returned instead.
+        """
         trust, why = self.trust, self.trust.take(message)
         if not why:
             state = {
@@ -139,7 +147,10 @@ class Verifier:
         return why
 
     def verify(self, token: str | None, command: Command) -> str:
-        """Return why `command` is refused, '' when it may be carried out now, and this once."""
+        """Return why `command` is refused; '' if it may be carried out now, once.
+
+        A success uses up the token and one order of each approval.
+        """
         try:
             if command.verb in UNSIGNED:
                 return ""
@@ -160,7 +171,7 @@ class Verifier:
         return ""
 
     def _recall(self) -> None:
-        """Restore the trust of before a restart; its messages were checked when they came."""
+        """Restore the stored trust after a restart; its messages were verified on arrival."""
         if not (kept := self._memory.kept("trust")):
             return
         state, trust = json.loads(kept), self.trust
@@ -169,7 +180,10 @@ class Verifier:
         trust.takeover = Takeover(**state["takeover"])
 
     def _opened(self, token: str) -> Claims:
-        """Return the message signed by the station in command; raises RefusedError for another."""
+        """Return the claims of `token`.
+
+        Raises RefusedError unless the station in command signed `token` in the current epoch.
+        """
         trust = self.trust
         station = trust.takeover.station
         if not trust.takeover.epoch:
@@ -194,7 +208,7 @@ class Verifier:
         return claims
 
     def _explain(self, token: str) -> None:
-        """Raise a better reason for a token that another station has signed, if one has."""
+        """Raise RefusedError with a better reason if another enrolled station signed `token`."""
         claimed = str(unverified(token).get("iss"))
         name = self.trust.roster.station_of(claimed)
         if name and claimed != self.trust.takeover.station:
@@ -208,7 +222,10 @@ class Verifier:
             raise RefusedError("its authorization is for another command")
 
     def _check_approvals(self, claims: Claims, command: Command) -> list[Claims]:
-        """Return the approvals, once as many people as the rules ask have signed each their own."""
+        """Return the approvals in `claims`.
+
+        Raises RefusedError unless each act is approved by as many people as the rules require.
+        """
         rules = self.trust.roster.rules.get(claims["rules"])
         if rules is None:
             raise RefusedError(f"the rule set {claims['rules'][:12]} is not enrolled")
@@ -232,9 +249,10 @@ class Verifier:
         return approvals
 
     def _use(self, claims: Claims, approvals: Sequence[Claims], command: Command) -> None:
-        """Use the token up, and of each approval one of the orders of these words.
+        """Use up the token, and from each approval one order with the words of `command`.
 
-        With a stolen station key, nothing that people approved once can be repeated.
+        Therefore, a stolen station key cannot repeat a command that people approved once. Raises
+        RefusedError if the token or all such orders were used before.
         """
         token = f"{claims['iss']}/{claims['session']}/{claims['jti']}"
         if why := self._memory.use("token", token, claims["exp"]):
@@ -252,7 +270,10 @@ class Verifier:
     def _opened_approval(
         self, name: str, message: str, token: Claims, command: Command
     ) -> tuple[Claims, str]:
-        """Return what the person called `name` has signed, and the key that it is signed with."""
+        """Return the approval by the person called `name`, and the key that signed it.
+
+        Raises RefusedError if the approval does not cover this command of this station.
+        """
         what = f"the approval of {name}"
         approval, key = self.trust.approval(name, message, self._now())
         if approval["station"] != token["iss"]:

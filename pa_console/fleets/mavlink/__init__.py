@@ -1,1 +1,1 @@
-"""Drones over MAVLink: PX4, ArduPilot, and whatever else speaks the common messages."""
+"""Drones and ground vehicles over MAVLink: PX4, ArduPilot, and others with the common messages."""

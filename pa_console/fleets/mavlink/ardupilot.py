@@ -1,4 +1,4 @@
-"""ArduPilot's own words: its flight modes, and the parameters that the console relies on."""
+"""Flight modes of ArduPilot, and the parameters of it that the console relies on."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles
 from pa_console.schema.world import AssetKind
 
 ROVER_TYPES = frozenset((10, 11))
-"""MAV_TYPE of vehicles that ArduPilot's Rover drives, on the ground and on water."""
+"""The MAV_TYPE numbers of the vehicles, on land and water, that run ArduPilot Rover."""
 
 COPTER_MODES: Mapping[int, str] = {
     0: "STABILIZED", 1: "ACRO", 2: "ALTCTL", 3: "MISSION", 4: "GUIDED", 5: "LOITER", 6: "RTL",
@@ -16,50 +16,51 @@ COPTER_MODES: Mapping[int, str] = {
     17: "HOLD", 18: "THROW", 20: "GUIDED_NOGPS", 21: "SMART_RTL", 22: "FLOWHOLD", 23: "FOLLOW",
     24: "ZIGZAG", 27: "AUTO_RTL",
 }  # fmt: skip
-"""Its modes by number, by PX4's names where both have one; 17 is BRAKE.
+"""The modes of ArduPilot Copter by number, with PX4's names if both have the mode; 17 is BRAKE.
 
-LOITER is a mode of the pilot: a stick that is down, as without any remote control, makes it sink.
+LOITER is a pilot's mode. In it, the drone sinks if the throttle stick is down, as it is without a
+remote control.
 """
 
 ROVER_MODES: Mapping[int, str] = {
     0: "MANUAL", 1: "ACRO", 3: "STEERING", 4: "HOLD", 5: "HOLD", 6: "FOLLOW", 7: "SIMPLE",
     10: "MISSION", 11: "RTL", 12: "SMART_RTL", 15: "GUIDED", 16: "INITIALISING",
 }  # fmt: skip
+"""The modes of ArduPilot Rover by number."""
 
 GUIDED: Mapping[AssetKind, int] = {"uav": 4, "ugv": 15}
-"""The mode for commands from a station; a copter takes off from the ground in it only."""
+"""The mode for commands from a station. A copter can take off from the ground only in this mode."""
 
 STANDS: Mapping[AssetKind, int] = {"uav": 17, "ugv": 4}
-"""The mode in which it stops at once and keeps its place, whatever a remote control does."""
-
-
-def mode_name(vehicle_type: int, custom_mode: int) -> str:
-    """Return the name of a mode as a heartbeat has it."""
-    modes = ROVER_MODES if vehicle_type in ROVER_TYPES else COPTER_MODES
-    return modes.get(custom_mode, f"MODE {custom_mode}")
-
+"""The mode in which a vehicle stops at once and keeps its place, regardless of a remote control."""
 
 BATTERY = "BATT_MONITOR"
-"""The parameter that brings the battery's level."""
+"""The parameter that enables reports of the battery level."""
 
 POLYGON = 4
 """The bit of FENCE_TYPE for polygons."""
 
 GOES_ON = 2
-"""The bit of FS_OPTIONS with which a mission goes on without a station."""
+"""The bit of FS_OPTIONS with which a mission continues without a station."""
 
 NO_FENCE = "it ignores its fence: it starts no flight"
 LOST = "it does not notice that the console is gone"
 
 
+def mode_name(vehicle_type: int, custom_mode: int) -> str:
+    """Return the name of the mode with that number in a heartbeat."""
+    modes = ROVER_MODES if vehicle_type in ROVER_TYPES else COPTER_MODES
+    return modes.get(custom_mode, f"MODE {custom_mode}")
+
+
 def has_polygons(fence_type: float) -> bool:
-    """Return whether a FENCE_TYPE lets the autopilot act on polygons."""
+    """Return whether the autopilot enforces polygons with that value of FENCE_TYPE."""
     return bool(int(fence_type) & POLYGON)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter and its value as it should be; `otherwise` is the consequence if it is not."""
+    """One parameter with its correct values; `otherwise` is the consequence of a wrong value."""
 
     name: str
     good: Callable[[float], bool]
@@ -67,7 +68,7 @@ class Parameter:
     otherwise: str
 
     def finding(self, agent: str, values: Mapping[str, float]) -> LinkFinding:
-        """Return the parameter as it is on a vehicle; one that it does not have is not wrong."""
+        """Return the finding about this parameter in `values`; a missing one is not an error."""
         value = values.get(self.name)
         if value is None:
             return LinkFinding(agent, self.name, "not reported")
@@ -76,7 +77,7 @@ class Parameter:
 
 
 def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:
-    """Return the parameters to look at; `station` is the console's own system id."""
+    """Return the parameters to check; `station` is the console's own system id."""
     polygon = f"one with {POLYGON} in it"
     found = [
         Parameter(BATTERY, lambda v: v > 0, "4", "its battery counts as low"),

@@ -1,6 +1,6 @@
-"""One vehicle through mavsdk: its messages go to its `Flight`, and the flight's requests go out.
+"""One vehicle over mavsdk, which passes messages to its `Flight` and sends the flight's requests.
 
-mavsdk calls back on threads of its own. Nothing is decided there: each call is handed to `post`.
+mavsdk calls back on its own threads. The callbacks only hand their work over with `post`.
 """
 
 import json
@@ -26,7 +26,7 @@ from pa_console.fleets.mavlink.messages import POSITION, RequestedMessages, need
 from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
-"""Has something done by the link's own thread."""
+"""A function that lets the link's own thread do some work."""
 
 AUTOPILOT = 1
 """The component id of an autopilot; cameras and radios of the same vehicle are ignored."""
@@ -34,13 +34,16 @@ AUTOPILOT = 1
 FENCE, MISSION = 1, 0
 PX4_FENCE_ACTION, FENCE_ACTION, FENCE_TYPE = "GF_ACTION", "FENCE_ACTION", "FENCE_TYPE"
 PX4_ACTS = (2, 3, 4, 5)
-"""PX4's hold, return, terminate and land at the fence; 0 does nothing, and 1 warns."""
+"""PX4's effective actions at the fence: hold, return, terminate, land. 0 is none, 1 only warns."""
 
 PREARM_CHECK = 0x1000_0000
 """The bit of SYS_STATUS for the checks before arming."""
 
 SENSORS = 0x0020_002F
-"""Its bits for gyrometers, accelerometers, magnetometer, barometer, GPS and position estimate."""
+"""The bits of SYS_STATUS for gyrometers, accelerometers, magnetometer, barometer, GPS and position.
+
+"Position" is the estimate of the position.
+"""
 
 UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
 
@@ -50,21 +53,21 @@ class _Arguments(Protocol):
 
 
 class MavsdkAutopilot:
-    """A vehicle that mavsdk has found; `hears` gets its messages."""
+    """A vehicle that mavsdk has found; after `listen`, a flight receives its messages."""
 
     def __init__(self, system: System, post: Post, asset_kind: AssetKind, rate_hz: float) -> None:
-        """Ask the vehicle for positions at `rate_hz`."""
+        """Prepare to request positions at `rate_hz`; `listen` starts the requests."""
         self._system, self._post = system, post
         self._stands = float(ardupilot.STANDS[asset_kind])
         needed = needed_messages(asset_kind, 1.0 / rate_hz)
         self.messages = RequestedMessages(needed, time.monotonic())
         self.parameters: dict[str, float] = {}
-        """The values of parameters that were read."""
+        """The values of the parameters that have been read."""
         self._unnamed = frozenset[str]()
         self._telemetry, self._action = Telemetry(system), Action(system)
         self._mission, self._direct = MissionRaw(system), MavlinkDirect(system)
         self.system_id: int = system.get_system_id()
-        self._flight: Flight  # given before anything is subscribed to or asked for
+        self._flight: Flight  # set by `listen`, before any subscription or request
 
     @property
     def kind(self) -> Kind:
@@ -76,11 +79,11 @@ class MavsdkAutopilot:
 
     @property
     def connected(self) -> bool:
-        """True while its heartbeats come."""
+        """True while heartbeats of the vehicle arrive."""
         return bool(self._system.is_connected())
 
     def listen(self, flight: Flight) -> None:
-        """Give `flight` what the vehicle reports, and ask for all that is needed."""
+        """Pass the vehicle's messages to `flight`, and request all needed messages."""
         self._flight, telemetry = flight, self._telemetry
         self._subscribe("STATUSTEXT", flight.said)
         self._subscribe(
@@ -135,7 +138,7 @@ class MavsdkAutopilot:
         self._unnamed = names
 
     def ask_again(self) -> None:
-        """Ask for every message: the vehicle may have forgotten what it was asked for."""
+        """Request every message again, because the vehicle may have lost the earlier requests."""
         self.messages.ask_again(time.monotonic())
         self.step()
 
@@ -153,7 +156,7 @@ class MavsdkAutopilot:
             self._flight.mode_changed(ardupilot.mode_name(vehicle, int(message["custom_mode"])))
 
     def _checks(self, message: dict[str, Any]) -> None:
-        """Take in which of the vehicle's own checks fail: those before arming, and of sensors."""
+        """Process the results of the vehicle's own checks, before arming and of its sensors."""
         enabled = int(message["onboard_control_sensors_enabled"])
         fails = enabled & ~int(message["onboard_control_sensors_health"])
         if enabled & PREARM_CHECK:
@@ -194,7 +197,7 @@ class MavsdkAutopilot:
         most = 7 if command.place is None else 4
         params = (*command.params, *(0.0 for _ in range(most)))[:most]
         for number, value in enumerate(params, 1):
-            fields[f"param{number}"] = None if math.isnan(value) else value  # mavsdk's NaN
+            fields[f"param{number}"] = None if math.isnan(value) else value  # mavsdk's form of NaN
         if command.place is None:
             name, fields["confirmation"] = "COMMAND_LONG", times
         else:
@@ -208,13 +211,13 @@ class MavsdkAutopilot:
         try:
             self._direct.send_message(self._message(name, fields))
         except MavlinkDirectError:
-            return  # it is sent again, and in the end reported as unanswered
+            return  # the flight repeats the command, and finally reports that it was not answered
 
     def _message(self, name: str, fields: dict[str, Any]) -> MavlinkMessage:
         return MavlinkMessage(name, 0, 0, self.system_id, AUTOPILOT, json.dumps(fields))
 
     def hold(self) -> None:
-        """Change to the mode in which it holds its place; mavsdk repeats it until an answer."""
+        """Change to the mode that holds the place; mavsdk repeats the request until an answer."""
         if self.kind == "ardupilot":
             fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=self._stands)
             self._direct.send_command_async(self._message("COMMAND_LONG", fields), self._stood)
@@ -228,7 +231,7 @@ class MavsdkAutopilot:
         self._action.hold_async(done)
 
     def _stood(self, _result: Any, ack: Any, _data: Any) -> None:
-        """Take in an ArduPilot's answer to a hold, on a thread of mavsdk."""
+        """Pass on an ArduPilot's answer to a hold; called on a thread of mavsdk."""
 
         def taken() -> None:
             result = _result_of(ack)
@@ -238,7 +241,7 @@ class MavsdkAutopilot:
         self._post(taken)
 
     def upload_mission(self, items: Sequence[MavItem]) -> None:
-        """Replace its mission."""
+        """Replace the vehicle's mission."""
 
         def done(result: MissionRawResult, _data: Any) -> None:
             self._post(partial(self._flight.uploaded, _problem(result)))
@@ -246,11 +249,11 @@ class MavsdkAutopilot:
         self._mission.upload_mission_async(_raw(items, MISSION), done)
 
     def cancel_upload(self) -> None:
-        """End the upload of a mission."""
+        """Cancel the upload of a mission."""
         self._mission.cancel_mission_upload()
 
     def upload_fence(self, items: Sequence[MavItem]) -> None:
-        """Replace its geofence."""
+        """Replace the vehicle's geofence."""
 
         def done(result: MissionRawResult, _data: Any) -> None:
             self._post(partial(self._flight.fence_uploaded, _problem(result)))
@@ -258,7 +261,7 @@ class MavsdkAutopilot:
         self._mission.upload_geofence_async(_raw(items, FENCE), done)
 
     def read_fence(self) -> None:
-        """Ask for its geofence."""
+        """Request the vehicle's geofence."""
 
         def done(result: MissionRawResult, items: Sequence[Any], _data: Any) -> None:
             none = result == MissionRawResult.NO_MISSION_AVAILABLE
@@ -271,7 +274,10 @@ class MavsdkAutopilot:
         self._mission.download_geofence_async(done)
 
     def enforce_fence(self) -> None:
-        """Have an ArduPilot act on its fence, and ask a PX4 whether it does."""
+        """Make an ArduPilot enforce its fence, or check that a PX4 enforces its own.
+
+        Both begin with a request for parameters. Other autopilots are trusted.
+        """
         if self.kind == "px4":
             self.read_parameter(PX4_FENCE_ACTION)
         elif self.kind == "ardupilot":
@@ -281,11 +287,11 @@ class MavsdkAutopilot:
             self._flight.fence.enforced("")
 
     def read_parameter(self, name: str) -> None:
-        """Ask for a parameter, once; an answer goes to `parameters`."""
+        """Request a parameter once; the answer is stored in `parameters`."""
         self._send("PARAM_REQUEST_READ", self._addressed(param_id=name, param_index=-1))
 
     def _parameter(self, message: dict[str, Any]) -> None:
-        """Take in a parameter: a PX4's whole numbers come as the bytes of a float."""
+        """Process a parameter; PX4 sends whole numbers as the bytes of a float."""
         name, value = str(message["param_id"]), float(message["param_value"])
         if name == PX4_FENCE_ACTION and self.kind == "px4":
             (action,) = struct.unpack("<i", struct.pack("<f", value))
@@ -297,7 +303,7 @@ class MavsdkAutopilot:
                 self._enable_fence(value)
 
     def _enable_fence(self, action: float) -> None:
-        """Have an ArduPilot act on its fence, if its parameters let it."""
+        """Enable the fence of an ArduPilot, unless its parameters make the fence ineffective."""
         if not action:
             self._flight.fence.enforced(
                 f"its {FENCE_ACTION} is 0; set it to 1 (return) or to a stronger action"
@@ -326,7 +332,7 @@ class MavsdkAutopilot:
 
 
 def _result_of(ack: Any) -> int:
-    """Return the MAV_RESULT of an acknowledgement, -1 if none came."""
+    """Return the MAV_RESULT of an acknowledgement; -1 if none arrived."""
     return int(json.loads(ack.fields_json or "{}").get("result", -1))
 
 

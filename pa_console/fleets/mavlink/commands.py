@@ -1,6 +1,6 @@
-"""The requests to an autopilot: commands, mission items, and the protocol that carries them.
+"""The requests to an autopilot (commands and mission items), and the protocol of an autopilot.
 
-Numbers and their units are those of the MAVLink common message set: degrees times 10^7, metres.
+Numbers and units are those of the MAVLink common message set: degrees times 10^7, metres.
 """
 
 import math
@@ -14,19 +14,20 @@ from pa_console.schema.world import AssetKind
 
 Kind = Literal["px4", "ardupilot", "other"]
 Degrees = tuple[float, float]
-"""Latitude and longitude."""
+"""Latitude and longitude, in degrees."""
 
 GLOBAL, RELATIVE = 5, 6
-"""Frames with integer degrees: altitude above sea level, and above the home position."""
+"""MAV_FRAME with integer degrees and altitude above sea level, and above the home position."""
 
 KEEP = math.nan
-"""A parameter that leaves the vehicle's own value, such as its yaw."""
+"""The parameter value that keeps the vehicle's own value, such as its yaw."""
 
 E7 = 10_000_000
+_CUSTOM_MODE = 1.0
 
 
 class Cmd(IntEnum):
-    """The commands that are sent, MAV_CMD."""
+    """The commands (MAV_CMD) that the console sends."""
 
     WAYPOINT = 16
     LOITER = 17
@@ -57,6 +58,7 @@ PLAINLY: dict[int, str] = {
     Cmd.START_MISSION: "start of the mission",
     Cmd.ARM: "arm",
 }
+"""The names of commands in the reasons for a refusal."""
 
 ACCEPTED, IN_PROGRESS = 0, 5
 RESULTS: dict[int, str] = {
@@ -66,12 +68,12 @@ RESULTS: dict[int, str] = {
     4: "failed",
     6: "cancelled",
 }
-"""The results of a command that is not carried out, MAV_RESULT."""
+"""The results (MAV_RESULT) of a command that is not carried out."""
 
 
 @dataclass(frozen=True)
 class MavCommand:
-    """A COMMAND_LONG, or with a place a COMMAND_INT, whose last parameters the place is."""
+    """A COMMAND_LONG; with a place, a COMMAND_INT with the place as its last parameters."""
 
     command: Cmd
     params: tuple[float, ...] = ()
@@ -79,12 +81,12 @@ class MavCommand:
     altitude_m: float = 0.0
     frame: int = GLOBAL
     optional: bool = False
-    """True if the order goes on without it."""
+    """True if the order continues even if this command is refused."""
 
 
 @dataclass(frozen=True)
 class MavItem:
-    """One item of a mission or of a geofence, as MISSION_ITEM_INT; x and y are degrees * 10^7."""
+    """One item (MISSION_ITEM_INT) of a mission or a geofence; x and y are degrees times 10^7."""
 
     command: int
     x: int
@@ -95,7 +97,7 @@ class MavItem:
 
 
 class Autopilot(Protocol):
-    """One vehicle on a link. No member waits or raises; its `Flight` gets the results."""
+    """One vehicle on a link. No member waits or raises; the vehicle's `Flight` gets the results."""
 
     @property
     def kind(self) -> Kind:
@@ -107,48 +109,45 @@ class Autopilot(Protocol):
         ...
 
     def hold(self) -> None:
-        """Change to the mode in which it holds its place; repeated until it is answered."""
+        """Change to the mode that holds the place; the request is repeated until an answer."""
         ...
 
     def upload_mission(self, items: Sequence[MavItem]) -> None:
-        """Replace its mission."""
+        """Replace the vehicle's mission."""
         ...
 
     def cancel_upload(self) -> None:
-        """End the upload of a mission."""
+        """Cancel the upload of a mission."""
         ...
 
     def upload_fence(self, items: Sequence[MavItem]) -> None:
-        """Replace its geofence."""
+        """Replace the vehicle's geofence."""
         ...
 
     def read_fence(self) -> None:
-        """Ask for its geofence."""
+        """Request the vehicle's geofence."""
         ...
 
     def enforce_fence(self) -> None:
-        """Have it act on its geofence, or find out whether it does."""
+        """Make the vehicle enforce its geofence, or check that it does."""
         ...
 
     def ask_again(self) -> None:
-        """Ask for every message that is needed: the vehicle may have forgotten that."""
+        """Request every message again, because the vehicle may have lost the earlier requests."""
         ...
 
 
 def e7(degrees: float) -> int:
-    """Return degrees as MAVLink's integer."""
+    """Return degrees as an integer of MAVLink, times 10^7."""
     return round(degrees * E7)
 
 
-_CUSTOM_MODE = 1.0
-
-
 def start_flight(kind: Kind, altitude_m: float, msl_m: float) -> tuple[MavCommand, ...]:
-    """Return the commands that bring a drone from the ground to `altitude_m` above its home.
+    """Return the commands that arm a drone and let it take off to `altitude_m` above its home.
 
-    `msl_m` is the same height above sea level.
+    `msl_m` is the same altitude above sea level.
     """
-    # PX4 takes the altitude of this command above sea level, ArduPilot above home.
+    # PX4 expects the altitude of this command above sea level, ArduPilot above home.
     height = msl_m if kind == "px4" else altitude_m
     take_off = MavCommand(Cmd.TAKEOFF, (0.0, 0.0, 0.0, KEEP, KEEP, KEEP, height))
     if kind == "ardupilot":
@@ -157,19 +156,19 @@ def start_flight(kind: Kind, altitude_m: float, msl_m: float) -> tuple[MavComman
 
 
 def arm(kind: Kind, asset: AssetKind) -> tuple[MavCommand, ...]:
-    """Return the commands that arm a vehicle for orders from the station."""
+    """Return the commands that arm a vehicle; an ArduPilot is first put in GUIDED mode."""
     guided = MavCommand(Cmd.SET_MODE, (_CUSTOM_MODE, float(GUIDED[asset])))
     return (*((guided,) if kind == "ardupilot" else ()), MavCommand(Cmd.ARM, (1.0,)))
 
 
 def reposition(place: Degrees, altitude_msl_m: float) -> MavCommand:
-    """Return the command to fly to a place and stay there."""
+    """Return the command to go to a place and stay there."""
     changes_mode = 1.0
     return MavCommand(Cmd.REPOSITION, (-1.0, changes_mode, 0.0, KEEP), place, altitude_msl_m)
 
 
 def look_at(place: Degrees) -> MavCommand:
-    """Return the command to keep the camera, or the nose, on a place on the ground."""
+    """Return the command to point the camera, or the nose, at a place on the ground."""
     return MavCommand(Cmd.REGION_OF_INTEREST, (0.0, 0.0, 0.0, 0.0), place, 0.0, RELATIVE)
 
 
@@ -186,10 +185,10 @@ def mission_of(
     *,
     on_ground: bool,
 ) -> tuple[MavItem, ...]:
-    """Return a mission that flies `way`, looks at `interest` and stays at its end."""
+    """Return a mission that follows `way`, looks at `interest`, and stays at the end."""
     (last_x, last_y) = (e7(degrees) for degrees in way[-1])
     items: list[MavItem] = []
-    if kind == "ardupilot":  # its first item is the home position, whatever is sent
+    if kind == "ardupilot":  # ArduPilot replaces the first item by its home position
         items.append(MavItem(Cmd.WAYPOINT, last_x, last_y, 0.0))
     if on_ground:
         items.append(MavItem(Cmd.TAKEOFF, last_x, last_y, altitude_m))
@@ -202,7 +201,7 @@ def mission_of(
 
 
 def start_mission(kind: Kind, asset: AssetKind, *, disarmed: bool) -> tuple[MavCommand, ...]:
-    """Return the commands that carry the uploaded mission out from its first item."""
+    """Return the commands that start the uploaded mission at its first item."""
     first = 1.0 if kind == "ardupilot" else 0.0
     return (
         MavCommand(Cmd.SET_MISSION_CURRENT, (first,), optional=True),

@@ -1,4 +1,4 @@
-"""The state of one vehicle by its own MAVLink messages, in the world's metres and station time."""
+"""The state of one vehicle according to its MAVLink messages, in the world's frame."""
 
 import math
 from collections import deque
@@ -12,40 +12,45 @@ from pa_console.schema.telemetry import AssetStatus
 from pa_console.sim.worlds.geography import Geography
 
 FAR_M = 10_000.0
-"""A position farther than this from the world's origin is of another place, or of no receiver."""
+"""The largest accepted distance of a position from the world's origin, in metres.
+
+A larger distance means a wrong origin or a position without a receiver.
+"""
 
 STANDS_MPS = 0.3
-"""A hovering drone drifts and measures noise: up to this speed it stands."""
+"""The speed up to which a vehicle counts as stopped, because a hovering drone drifts."""
 
 DRIFT = 1e-4
-"""Clocks of autopilots run apart by less than this part of the time."""
+"""The largest drift of an autopilot's clock, as a fraction of the time."""
 
 REBOOT_S = 5.0
-"""A drone whose time since its start goes back by more than this has started again."""
+"""The step back in a drone's time since boot, in seconds, that shows a restart."""
 
 NO_PLACE = "does not know where it is any more"
 MOST_TEXT = 200
+"""The largest number of characters of a status text."""
+
 PILOT_MODES = frozenset(
     ("MANUAL", "ALTCTL", "POSCTL", "ACRO", "STABILIZED", "RATTITUDE", "LOITER", "DRIFT", "SPORT",
      "FLIP", "AUTOTUNE", "FLOWHOLD", "ZIGZAG", "STEERING", "SIMPLE")
 )  # fmt: skip
-"""The flight modes in which a pilot's stick steers."""
+"""The flight modes in which a pilot steers with a remote control."""
 
 PREARM = "PreArm:"
-"""The beginning of ArduPilot's texts with its reasons for not arming."""
+"""The beginning of the texts in which ArduPilot reports reasons for not arming."""
 
 PREARM_S = 12.0
-"""A reason that has not been repeated for so long does not count; it is asked for every 5 s."""
+"""The time for which a reported reason is valid, in seconds; reasons are requested every 5 s."""
 
 CRITICAL, EMERGENCY, TERMINATING = 5, 6, 8
-"""System states of a heartbeat, MAV_STATE."""
+"""System states (MAV_STATE) in a heartbeat."""
 
 
 class BootClock:
-    """Turns a drone's time since its start into the station's time.
+    """The conversion of a drone's time since boot to the station's time.
 
-    The least delayed message determines the start of the drone, so the age of every later message
-    is known, whatever buffer delayed it.
+    The message with the shortest delay determines the time of the boot. Therefore, the age of
+    every later message is known, even if the message was delayed.
     """
 
     def __init__(self) -> None:
@@ -55,9 +60,10 @@ class BootClock:
         self._sent: datetime | None = None
 
     def sent(self, boot_s: float, arrived: datetime) -> datetime | None:
-        """Return when a message was sent, None for one from before the last; see `restarted`.
+        """Return the time at which a message was sent; None if it is older than the last one.
 
-        No time is before the one returned last.
+        After a restart, the time of the boot is determined again. The result is never earlier than
+        the last one.
         """
         began = arrived - timedelta(seconds=boot_s)
         if self._began is None or self._moved is None or boot_s < self._latest_s - REBOOT_S:
@@ -73,13 +79,13 @@ class BootClock:
         return self._sent
 
     def restarted(self, boot_s: float) -> bool:
-        """Return whether a message of this time shows that the drone has started again."""
+        """Return whether a message with this time since boot shows that the drone restarted."""
         return self._began is not None and boot_s < self._latest_s - REBOOT_S
 
 
 @dataclass(frozen=True)
 class Fix:
-    """A drone's position: `altitude_m` above its home, `msl_m` above sea level."""
+    """A drone's position; `altitude_m` is above its home, `msl_m` above sea level."""
 
     at: Point
     sent: datetime
@@ -90,13 +96,13 @@ class Fix:
 
     @property
     def home_msl_m(self) -> float:
-        """The height of its home above sea level."""
+        """The height of the drone's home above sea level."""
         return self.msl_m - self.altitude_m
 
 
 @dataclass(frozen=True)
 class StatusText:
-    """A status text of the drone, by the station's clock; severity 0 is the gravest."""
+    """A status text of the drone, with the station's time; severity 0 is the most severe."""
 
     at_s: float
     severity: int
@@ -105,7 +111,7 @@ class StatusText:
 
 @dataclass
 class DroneState:
-    """The latest reports of one vehicle; one that is `ground_bound` never flies."""
+    """The latest reports of one vehicle; a `ground_bound` vehicle never flies."""
 
     geography: Geography
     ground_bound: bool = False
@@ -113,17 +119,17 @@ class DroneState:
     fix: Fix | None = None
     mode: str = "UNKNOWN"
     mode_s: float = 0.0
-    """When its mode was last reported."""
+    """The time of the last report of the mode."""
     beats: bool = False
-    """True if a heartbeat has come."""
+    """True if a heartbeat has arrived."""
     armed: bool = False
     system_state: int = 0
     on_ground: bool | None = None
     healthy: bool = True
     may_arm: bool | None = None
-    """False while its own checks keep it from arming, None while they are unknown."""
+    """False while the vehicle's own checks prevent arming; None while they are unknown."""
     prearm: dict[str, float] = field(default_factory=dict[str, float])
-    """The reasons, each with the time of its last report."""
+    """The reported reasons for not arming, each with the time of its last report."""
     battery_pct: float | None = None
     home: Point | None = None
     texts: deque[StatusText] = field(default_factory=lambda: deque[StatusText](maxlen=32))
@@ -131,22 +137,22 @@ class DroneState:
 
     @property
     def manual(self) -> bool:
-        """True while a pilot flies it."""
+        """True while a pilot steers the vehicle."""
         return self.armed and self.mode in PILOT_MODES
 
     @property
     def landed(self) -> bool:
-        """True if it stands on the ground, or has never reported that it flies."""
+        """True if the vehicle is on the ground, or if that is unknown and it is disarmed."""
         unheard = self.on_ground is None and not self.armed
         return self.ground_bound or self.on_ground is True or unheard
 
     @property
     def parked(self) -> bool:
-        """True if it stands on the ground, disarmed."""
+        """True if the vehicle is on the ground and disarmed."""
         return self.landed and not self.armed
 
     def prearm_problem(self, now_s: float) -> str:
-        """Return why its own checks keep it from arming, '' if they do not."""
+        """Return why the vehicle's own checks prevent arming; '' if they do not."""
         if self.armed or self.may_arm is not False:
             self.prearm.clear()
             return ""
@@ -155,13 +161,13 @@ class DroneState:
 
     @property
     def status(self) -> AssetStatus:
-        """Its health as the picture has it."""
+        """The status of the vehicle in the picture."""
         if self.system_state in (EMERGENCY, TERMINATING):
             return "failed"
         return "ok" if self.healthy and self.system_state != CRITICAL else "degraded"
 
     def positioned(self, message: Mapping[str, Any], arrived: datetime) -> str:
-        """Take in a GLOBAL_POSITION_INT; return why it is set aside, '' if it is not."""
+        """Process a GLOBAL_POSITION_INT; return why the position is refused; '' if it is not."""
         latitude, longitude = int(message["lat"]) / 1e7, int(message["lon"]) / 1e7
         if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
             return "reports a position that is not on the earth"
@@ -192,7 +198,10 @@ class DroneState:
         return ""
 
     def said(self, message: Mapping[str, Any], now_s: float) -> StatusText | None:
-        """Take in a STATUSTEXT; a long one comes in parts. Return it where it is new."""
+        """Process a STATUSTEXT and return its text so far; None if there is none.
+
+        A long text arrives in parts.
+        """
         part = "".join(c if c.isprintable() else " " for c in str(message["text"])).strip()
         number, sequence = int(message.get("id", 0)), int(message.get("chunk_seq", 0))
         if number and sequence:
@@ -212,7 +221,7 @@ class DroneState:
         return line
 
     def reasons(self, since_s: float) -> Iterator[str]:
-        """Yield what the drone gave as reasons since then, the latest first."""
+        """Yield the texts since `since_s` that may explain a refusal, the latest first."""
         notice = 5
         for line in reversed(self.texts):
             if line.at_s < since_s:

@@ -1,8 +1,8 @@
-"""One drone's orders: what is asked of its autopilot for each, and how each ends.
+"""The orders of one vehicle: the requests to its autopilot, and the outcome of each order.
 
-A command that starts a motion is sent by this module and by nothing below it, so that a stop
-withdraws it: a library that repeats it by itself would have the drone fly on after the stop. An
-order is done when telemetry shows it, never because the autopilot has accepted it.
+Only this module sends and repeats commands that start a motion, so that a stop withdraws them. A
+library that repeats a command by itself could make the drone fly on after a stop. An order is done
+when telemetry shows that it is, not when the autopilot accepts it.
 """
 
 import math
@@ -31,38 +31,46 @@ from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
 ACK_S, TRIES = 1.0, 4
-"""A command is sent so often, so far apart, until it is answered."""
+"""The time between attempts to send an unanswered command, in seconds, and their number."""
 
 REASON_S = 0.4
-"""A vehicle's words on a refusal may come so long after it, or as long before it."""
+"""The largest time between a refusal and the vehicle's text about it, in seconds, either way."""
 
 ARRIVED_M, DRIVEN_M = 1.5, 3.5
 HEIGHT_M = 2.0
-"""The distances within which a drone has arrived, across and in height; a ground vehicle stops as
-soon as it is within its own, 2 to 3 m."""
+"""The distances from the target within which a vehicle has arrived, in metres.
+
+They apply to a drone, to a ground vehicle (which stops 2 to 3 m from its target), and to a drone's
+height.
+"""
 
 CLIMBED = 0.9
-"""The part of its altitude at which a drone has taken off."""
+"""The fraction of the ordered altitude at which a drone has taken off."""
 
 STALL_S = 25.0
-"""An order ends as failed when its drone has not come nearer for so long."""
+"""The time without progress after which an order has failed, in seconds."""
 
 NEARER_M = 0.5
+"""The least approach to the target that counts as progress, in metres."""
+
 PROGRESS_S = 5.0
+"""The time between progress answers of an order, in seconds."""
+
 HOLD_S = 1.0
-"""A hold is asked for again after this time in another mode."""
+"""The time in another mode after which a hold is requested again, in seconds."""
 
 KNOWN = 512
-"""The number of command ids that are remembered."""
+"""The number of recent command ids that are remembered."""
 
 _HERE = ("HOLD", "OFFBOARD", "GUIDED", "TAKEOFF", "MISSION", "READY", "UNKNOWN")
 _NOUNS = {"uav": "drone", "ugv": "ground vehicle"}
 
 
 class Flight(ReportingVehicle):
-    """Carries out the orders of one drone, the asset `agent`.
+    """The execution of the orders of one vehicle, the asset `agent`.
 
-    `tell` gets its notices. Nothing here waits: `step` is called a few times a second.
+    Reports, answers and notices are passed to `tell`. No member waits; the link calls `step`
+    several times a second.
     """
 
     def __init__(
@@ -77,7 +85,7 @@ class Flight(ReportingVehicle):
         now: Callable[[], float],
         others: Callable[[], Sequence[Point]] = tuple,
     ) -> None:
-        """`others` returns places that other drones have."""
+        """Start without an order; `others` returns the places of the other drones."""
         super().__init__(
             agent,
             autopilot,
@@ -88,19 +96,19 @@ class Flight(ReportingVehicle):
             now=now,
         )
         self.place: Point | None = None
-        """The place that it has, or is on its way to."""
+        """The place that the vehicle occupies or is on its way to."""
         self._planner = OrderPlanner(agent, terrain, geography, vehicles, others)
         self._order: FlightOrder | None = None
         self._hold: HoldOrder | None = None
         self._answers = OrderedDict[str, DeviceAnswer | None]()
-        """The last answers by command id, None while there is none."""
+        """The last answer to each command id; None while there is none."""
         self._task: Task = "idle"
         self._busy_until: dict[int, float] = {}
 
-    # What the station asks for
+    # Commands from the station
 
     def take(self, command: DeviceCommand) -> None:
-        """Carry out a command, once for each id; a hold is carried out each time it comes."""
+        """Carry out a command, once for each id; a hold is carried out each time."""
         if command.verb == "hold":
             self._stop(command)
             return
@@ -124,13 +132,13 @@ class Flight(ReportingVehicle):
             self._begin(command)
 
     def may_arm(self) -> bool:
-        """Return whether an order from the station needs the drone armed now."""
+        """Return whether an order from the station needs the vehicle armed now."""
         return self._order is not None and self._order.arming
 
-    # What the autopilot answers
+    # Answers of the autopilot
 
     def acknowledged(self, command: int, result: int) -> None:
-        """Take in a COMMAND_ACK."""
+        """Process a COMMAND_ACK."""
         self._busy_until.pop(command, None)
         order = self._order
         step = order.steps[0] if order is not None and order.steps else None
@@ -148,7 +156,7 @@ class Flight(ReportingVehicle):
             order.refused = (f"{name} {word}", self._now())
 
     def uploaded(self, problem: str) -> None:
-        """Take in how the upload of a mission ended."""
+        """Process the result of the upload of a mission."""
         order = self._order
         if order is None or not order.steps or not isinstance(order.steps[0], Upload):
             return
@@ -160,7 +168,7 @@ class Flight(ReportingVehicle):
             self._next(order)
 
     def held(self, problem: str, *, answered: bool) -> None:
-        """Take in how a request to hold ended; an unanswered one is repeated by the station."""
+        """Process the result of a hold; the station repeats a hold that is not answered."""
         hold = self._hold
         if hold is None:
             return
@@ -178,7 +186,7 @@ class Flight(ReportingVehicle):
     # The passing of time
 
     def step(self) -> None:
-        """Go on with the order: send again, notice arrival and what does not come about."""
+        """Continue with the order: repeat requests, and detect refusals and lack of progress."""
         now, state = self._now(), self.state
         if state.fix is not None:
             self.fence.step(now, self._why_no_fence(state.fix.at))
@@ -206,7 +214,7 @@ class Flight(ReportingVehicle):
             self._step(order, order.steps[0], now)
 
     def _begin(self, command: DeviceCommand) -> None:
-        """Replace the order there is by `command`, which has no objection against it."""
+        """Replace the current order with `command`, to which there is no objection."""
         state, world, fix = self.state, self._terrain.world, self.state.fix
         assert fix is not None
         home = command.verb == "return_to_base"
@@ -227,7 +235,7 @@ class Flight(ReportingVehicle):
         self.step()
 
     def _objection(self, command: DeviceCommand) -> str:
-        """Return why a command cannot be carried out, '' when it can."""
+        """Return why a command cannot be carried out; '' if it can."""
         spec, state, frames = COMMANDS[command.verb], self.state, self._terrain.world.frames
         if self._kind not in spec.kinds:
             return f"a {_NOUNS[self._kind]} cannot {command.verb}"
@@ -240,14 +248,17 @@ class Flight(ReportingVehicle):
         return self._defect() or self._why_grounded(command)
 
     def _replace(self, order: FlightOrder | None) -> None:
-        """Let `order` take the place of the one there is, which has failed by that."""
+        """Replace the current order with `order`; the current one fails as superseded."""
         old, self._order, self._hold = self._order, order, self._kept_hold()
         if old is not None:
             self._withdraw(old)
             self._answer(old.command, "failed", "superseded")
 
     def _kept_hold(self) -> HoldOrder | None:
-        """Return the hold that the autopilot has not answered: nothing is sent before it does."""
+        """End the current hold; return it if the autopilot has still to answer it.
+
+        No step of an order is sent before that answer.
+        """
         hold = self._hold
         if hold is not None and not hold.done:
             self._answer(hold.command, "failed", "superseded")
@@ -261,7 +272,7 @@ class Flight(ReportingVehicle):
     # Orders under way
 
     def _step(self, order: FlightOrder, step: Step, now: float) -> None:
-        """Ask for the first of the steps, again where it was not answered."""
+        """Request `step`, the first step of `order`; repeat a command that was not answered."""
         if self._fenced_off(order):
             return
         match step:
@@ -281,7 +292,7 @@ class Flight(ReportingVehicle):
                 self._climb(order, step, now)
 
     def _fenced_off(self, order: FlightOrder) -> bool:
-        """Return whether the fence has become another one; the way home stays open."""
+        """Return whether a changed geofence prevents the order, but never a return in flight."""
         takes_off = any(isinstance(step, Climb) for step in order.steps)
         return self.fence.differs and (takes_off or order.command.verb != "return_to_base")
 
@@ -301,7 +312,7 @@ class Flight(ReportingVehicle):
             self._progress(order, words, now)
 
     def _next(self, order: FlightOrder) -> None:
-        """Go on to the next step; the first that succeeded acknowledges the order."""
+        """Continue with the next step; the success of the first step acknowledges the order."""
         now = self._now()
         order.steps.popleft()
         order.step_s, order.tries = None, 0
@@ -313,7 +324,7 @@ class Flight(ReportingVehicle):
             self._step(order, order.steps[0], now)
 
     def _follow(self, order: FlightOrder, now: float) -> None:
-        """Look whether an order that the autopilot carries out has come to its end, or to none."""
+        """Report the progress of an order that the autopilot carries out; end it if it stalls."""
         fix, state = self.state.fix, self.state
         if fix is None:
             return
@@ -334,7 +345,7 @@ class Flight(ReportingVehicle):
             self._progress(order, f"{gap:.0f} m to go", now)
 
     def _left_for_itself(self, since_s: float) -> bool:
-        """Return whether it has changed to a mode of its own since then."""
+        """Return whether the autopilot has changed its mode by itself since `since_s`."""
         return self.state.mode not in _HERE and self.state.mode_s > since_s + HOLD_S
 
     def _left_words(self, order: FlightOrder) -> str:
@@ -342,7 +353,10 @@ class Flight(ReportingVehicle):
         return self._with_words(words, order.since_s)
 
     def _progress(self, order: FlightOrder, words: str, now: float) -> None:
-        """Report the progress of an order every few seconds: one without news is sent again."""
+        """Report the progress of an order every PROGRESS_S.
+
+        The station would send an order without progress again.
+        """
         if order.acknowledged and now - order.told_s >= PROGRESS_S:
             order.told_s = now
             self._answer(order.command, "progress", words)
@@ -356,7 +370,7 @@ class Flight(ReportingVehicle):
             self._end(self._order, "failed", why)
 
     def _look(self) -> None:
-        """End the order, or the hold, that the position just reported shows to be done."""
+        """End the order or the hold if the last reported position shows that it is done."""
         order, fix, state = self._order, self.state.fix, self.state
         if fix is None:
             return
@@ -394,7 +408,7 @@ class Flight(ReportingVehicle):
     # Stopping
 
     def _stop(self, command: DeviceCommand) -> None:
-        """Withdraw everything and have the drone hold its place."""
+        """Withdraw the current order and request a hold."""
         self._answers.setdefault(command.command_id, None)
         if self.state.manual:
             mode = self.state.mode
@@ -449,7 +463,7 @@ class Flight(ReportingVehicle):
     def _give_reason(
         self, command: DeviceCommand, what: str, since_s: float, acknowledged: bool
     ) -> None:
-        """Answer a refusal with the drone's own words, which come about the same time."""
+        """Answer a refused command with the reason, and with the vehicle's texts of that time."""
         self._task, self.place = "holding", None
         status: ReplyStatus = "failed" if acknowledged else "refused"
         self._answer(command, status, self._with_words(what, since_s - REASON_S))

@@ -1,7 +1,7 @@
-"""The geofence of a drone: uploaded from the world, read back, compared, and watched.
+"""The geofence of a drone: it is uploaded from the world, read back, compared and monitored.
 
-The perimeter is the area that the drone stays in, and closed zones are areas that it stays out of.
-A drone whose fence is not the world's gets no order that starts a flight.
+The drone must stay inside the perimeter and outside the restricted zones. A drone with a different
+geofence may not start a flight.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,18 +16,24 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.geography import Geography
 
 SAME_E7 = 2
-"""The largest distance between equal corners, in 10^-7 degrees, 2 cm: autopilots round."""
+"""The largest difference between equal corners, in 10^-7 degrees (2 cm), because autopilots round.
+"""
 
 ANSWER_S = 30.0
-"""The longest time that a transfer takes; then it is tried again."""
+"""The longest wait for the result of a transfer, in seconds; then it is tried again."""
 
 RETRY_S = 3.0
+"""The time before a failed transfer is tried again, in seconds."""
+
 VERTICES = (Cmd.FENCE_INSIDE, Cmd.FENCE_OUTSIDE)
 
 
 @dataclass(frozen=True)
 class FenceArea:
-    """An area of a geofence; corners are latitude and longitude, degrees * 10^7."""
+    """An area of a geofence, to stay `inside` or outside of.
+
+    Corners are latitude and longitude, in degrees times 10^7.
+    """
 
     name: str
     inside: bool
@@ -42,7 +48,7 @@ class FenceArea:
 
 
 def fence_of(world: World, geography: Geography) -> tuple[FenceArea, ...]:
-    """Return the geofence of a world: its perimeter, and its restricted zones."""
+    """Return the geofence of a world, which is its perimeter and its restricted zones."""
     areas = [("the perimeter", True, world.perimeter)]
     areas += [(f"zone {name}", False, zone.polygon) for name, zone in world.zones.items()]
     return tuple(
@@ -52,7 +58,7 @@ def fence_of(world: World, geography: Geography) -> tuple[FenceArea, ...]:
 
 
 def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: Geography) -> str:
-    """Return the first difference of a geofence from `areas`, '' if it is the same."""
+    """Return the first difference of a geofence from `areas`; '' if there is none."""
     if not found:
         return "it has none"
     strange = next((item for item in found if item.command not in VERTICES), None)
@@ -82,7 +88,7 @@ def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: 
 
 
 def _split(items: list[MavItem], corners: int) -> list[list[MavItem]]:
-    """Return polygons with the given numbers of corners; a last one with fewer is as it is."""
+    """Return `items` as polygons with the given number of corners; the last one may have fewer."""
     step = max(corners, 1)
     return [items[start : start + step] for start in range(0, len(items), step)]
 
@@ -96,10 +102,10 @@ def _place(geography: Geography, x: int, y: int) -> str:
 
 
 class FenceWatch:
-    """Brings one drone's geofence into line once, and watches it from then on.
+    """The monitor of one drone's geofence, which uploads the world's geofence at most once.
 
-    Later changes by others are reported but not corrected: they may have a reason, and two stations
-    that overwrite each other leave no fence at all.
+    Later changes by others are reported but not corrected. They may have a reason, and two stations
+    that overwrite each other's geofence would leave none.
     """
 
     def __init__(
@@ -110,30 +116,30 @@ class FenceWatch:
         say: Callable[[Level, str], None],
         every_s: float,
     ) -> None:
-        """Notify the operator with `say`; read the fence again every `every_s` seconds."""
+        """Report to the operator with `say`; read the geofence again every `every_s` seconds."""
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
         self._asked: Literal["", "read", "upload", "enforce"] = ""
-        """The drone's outstanding answers: nothing else that comes is taken for it."""
+        """The request that the drone has still to answer; other answers are ignored."""
         self._until_s = 0.0
         self._why_not_upload = ""
         self._next_s = 0.0
         self._uploaded = self._shown = False
         self.differs = False
-        """True if it was read and is not the world's."""
+        """True if the geofence was read and is not the world's."""
         self.problem = "its geofence has not been read yet"
-        """The reason why the drone may not start a flight, '' if its geofence is the world's."""
+        """The reason why the drone may not start a flight; '' if its geofence is the world's."""
         self.pending = True
-        """True until it has been found to be the world's, or not, since the drone started."""
+        """True until the geofence has been compared for the first time since the drone started."""
 
     def start_again(self) -> None:
-        """Read the fence anew: the drone has started again, and may have lost it."""
+        """Read the geofence again after a restart of the drone, which may have lost it."""
         self._uploaded, self._asked, self._next_s = False, "", 0.0
         self._refuse("its geofence has not been read since it started", "info")
         self.pending = True
 
     def step(self, now_s: float, why_not_upload: str) -> None:
-        """Ask for the fence when it is time; `why_not_upload` keeps it from being replaced."""
+        """Read the geofence when it is due; `why_not_upload` is a reason not to replace it."""
         self._why_not_upload = why_not_upload
         if self._asked:
             if now_s < self._until_s:
@@ -146,7 +152,7 @@ class FenceWatch:
             self._autopilot.read_fence()
 
     def read(self, problem: str, items: Sequence[MavItem], now_s: float) -> None:
-        """Take in the fence that was read, or why it could not be read."""
+        """Process the geofence of the drone, or the reason why it could not be read."""
         if not self._answered("read"):
             return
         if problem:
@@ -168,7 +174,7 @@ class FenceWatch:
             self._autopilot.upload_fence([item for area in self._areas for item in area.items])
 
     def uploaded(self, problem: str, now_s: float) -> None:
-        """Take in how an upload ended; a fence that was taken is read back."""
+        """Process the result of an upload; an accepted geofence is read back."""
         if not self._answered("upload"):
             return
         if problem:
@@ -180,7 +186,10 @@ class FenceWatch:
         self._autopilot.read_fence()
 
     def enforced(self, problem: str) -> None:
-        """Take in whether the drone acts on its fence, once that was asked of an equal one."""
+        """Process whether the drone enforces its geofence, which equals the world's.
+
+        `problem` is the reason if it does not.
+        """
         if not self._answered("enforce"):
             return
         if problem:
@@ -200,7 +209,7 @@ class FenceWatch:
         self._asked, self._until_s = what, now_s + ANSWER_S
 
     def _answered(self, what: str) -> bool:
-        """Return whether this was asked; then it is answered."""
+        """Return whether `what` was requested, and mark it as answered."""
         asked, self._asked = self._asked == what, "" if self._asked == what else self._asked
         return asked
 

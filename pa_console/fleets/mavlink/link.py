@@ -1,6 +1,6 @@
-"""A link to vehicles over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
+"""The link to vehicles over MAVLink: `--fleet mavlink:FILE.yaml`, or `mavlink:URL#FILE.yaml`.
 
-One thread does everything: it takes the station's commands, then what mavsdk has called back with.
+One thread does all the work: first the station's commands, then the callbacks of mavsdk.
 """
 
 import time
@@ -36,14 +36,16 @@ from pa_console.sim.worlds.geography import Geography, geography_of
 from pa_console.sim.worlds.terrain import Terrain
 
 STEP_S = 0.1
+"""The time between two steps of the flights, in seconds."""
+
 READ_S = 0.5
-"""A parameter is asked for so often until it comes."""
+"""The time between two requests for a parameter, in seconds."""
 
 MOST_WAITING = 20_000
-"""The number of messages that may wait; further ones are dropped and counted."""
+"""The largest number of waiting messages; further ones are dropped and counted."""
 
 ARMING_S = 10
-"""An authorization to arm is good for so long."""
+"""The validity of an authorization to arm, in seconds."""
 
 SCHEMES = (
     "udp", "udpin", "udpout", "tcp", "tcpin", "tcpout", "serial", "serial_flowcontrol",
@@ -51,9 +53,9 @@ SCHEMES = (
 
 
 def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
-    """Open the link at `address`: the file of its drones, after a connection of mavsdk or alone.
+    """Open the link at `address`, which is FILE.yaml or URL#FILE.yaml with a URL of mavsdk.
 
-    Raises ValueError with the remedy if it is unusable or no vehicle answers.
+    Raises ValueError with a remedy if the address cannot be used or no vehicle answers.
     """
     urls, vehicles = _found(address, world)
     for url in urls:
@@ -78,7 +80,7 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
 
 
 def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles]:
-    """Return the connections and the drones that `address` names; raises ValueError."""
+    """Return the connections and the vehicles for `address`; raises ValueError if not valid."""
     url, _, file = address.rpartition("#") if "#" in address else ("", "", address)
     if "://" in file or not file:
         raise ValueError(
@@ -98,23 +100,23 @@ def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles
 
 
 def _silent(*_arguments: object) -> bool:
-    """Keep mavsdk's log from standard output, which is the console's screen."""
+    """Keep mavsdk from writing its log to standard output, which is the console's screen."""
     return True
 
 
 _SILENT = LogCallback(_silent)
-# mavsdk's own wrapper of the callback prints what it cannot decode. It is set once, before any
-# thread of mavsdk logs: setting it is not safe beside one.
+# mavsdk's own wrapper would print lines that it cannot decode, so the C function is called. This is
+# done once, at import, because it is not safe while a thread of mavsdk writes to the log.
 _cmavsdk_lib.mavsdk_log_subscribe(_SILENT, None)
 
 
 class MavlinkLink(ThreadedLink):
-    """The vehicles of one file; the callbacks of mavsdk only put work on its list."""
+    """The link to the vehicles of one file; callbacks of mavsdk only add work for its thread."""
 
     def __init__(
         self, urls: Sequence[str], world: World, geography: Geography, vehicles: MavlinkVehicles
     ) -> None:
-        """Raises ValueError for a connection that cannot be opened."""
+        """Open the connections `urls`; raises ValueError if one cannot be opened."""
         self._url, self._vehicles, self._geography = ", ".join(urls), vehicles, geography
         super().__init__(f"mavlink:{self._url}")
         self._terrain = Terrain(world)
@@ -150,36 +152,36 @@ class MavlinkLink(ThreadedLink):
 
     @property
     def agents(self) -> frozenset[str]:
-        """The drones of its file."""
+        """The vehicles in the file."""
         return frozenset(self._vehicles.vehicles)
 
     @property
     def problem(self) -> str:
-        """The reason for a missing connection, '' while a drone reports."""
+        """The reason why there is no connection; '' while a vehicle reports."""
         if any(self._up.values()):
             return ""
         return f"no drone is heard at {self._url}"
 
     def send(self, command: DeviceCommand) -> None:
-        """Put `command` before everything that waits; returns at once."""
+        """Queue `command` before all other work; returns at once."""
         with self._awake:
             self._commands.append(command)
             self._awake.notify()
 
     def close(self) -> None:
-        """End the connection; the drones do what they do without a station."""
+        """End the connection; the vehicles then follow their own rules for a lost link."""
         with self._awake:
             self._closed = True
             self._awake.notify()
         self._thread.join()
-        # No message may come in while mavsdk takes its plugins down: it hands them to these plugins
-        # in threads of its own.
+        # The connections are removed first. A message that arrives while mavsdk destroys its
+        # plugins would still be passed to them on another thread.
         for connection in self._connections:
             self._mavsdk.remove_connection(connection)
         self._mavsdk.destroy()
 
     def discover(self) -> Sequence[FoundRobot]:
-        """Return the drones of the file that have reported, and other vehicles on the link."""
+        """Return the vehicles of the file that have reported, and other vehicles on the link."""
         found = [
             FoundRobot(
                 name,
@@ -195,7 +197,7 @@ class MavlinkLink(ThreadedLink):
         return found
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:
-        """Read the parameters of every vehicle; return them and its messages as found."""
+        """Return findings about every vehicle: readiness, messages and ArduPilot parameters."""
         names = [name for name, autopilot in self._autopilots.items() if autopilot.connected]
         wanted = {
             name: parameters(self._vehicles.vehicles[name].kind, self._vehicles, self._station)
@@ -219,7 +221,7 @@ class MavlinkLink(ThreadedLink):
     def _unread(
         self, wanted: Mapping[str, Sequence[Parameter]]
     ) -> list[tuple[MavsdkAutopilot, str]]:
-        """Return the parameters that are unread, each with its autopilot."""
+        """Return the parameters that have not been read yet, each with its autopilot."""
         return [
             (self._autopilots[name], parameter.name)
             for name, parameters in wanted.items()
@@ -236,7 +238,7 @@ class MavlinkLink(ThreadedLink):
             self._awake.notify()
 
     def _run(self) -> None:
-        """Do what comes, the station's commands first, until the link is closed."""
+        """Do the queued work, the station's commands first, until the link is closed."""
         due_s = time.monotonic()
         while True:
             with self._awake:
@@ -274,7 +276,7 @@ class MavlinkLink(ThreadedLink):
             self._tell(LinkNotice("alarm", "mavlink", text))
 
     def _note_connection(self, name: str) -> None:
-        """Notice a drone whose heartbeats end, or come again."""
+        """Report a vehicle whose heartbeats have stopped or resumed."""
         autopilot, up = self._autopilots[name], self._autopilots[name].connected
         if up is self._up[name]:
             return
@@ -287,7 +289,7 @@ class MavlinkLink(ThreadedLink):
             self._flights[name].heard = False
 
     def _look_round(self) -> None:
-        """Take in the vehicles that mavsdk has found since the last time."""
+        """Add the vehicles of the file that mavsdk has newly found, and report strangers."""
         for system in self._mavsdk.get_systems():
             number = system.get_system_id()
             name = self._agent_of.get(number)
@@ -315,7 +317,7 @@ class MavlinkLink(ThreadedLink):
             autopilot.listen(flight)
 
     def _taken(self, name: str) -> list[Point]:
-        """Return the places that the other drones have, or are on their way to."""
+        """Return the places that the other vehicles occupy or are on their way to."""
         taken: list[Point] = []
         for other, flight in self._flights.items():
             fix = flight.state.fix
@@ -328,7 +330,7 @@ class MavlinkLink(ThreadedLink):
         self._post(partial(self._authorize, system_id))
 
     def _authorize(self, system_id: int) -> None:
-        """Answer a drone that asks whether it may arm: only an order from the station does it."""
+        """Answer a vehicle's request to arm, which is accepted only for an order from here."""
         flight = self._flights.get(self._agent_of.get(system_id, ""))
         try:
             if flight is not None and flight.may_arm():

@@ -1,7 +1,6 @@
-"""The messages that the console needs from an autopilot; they are asked for until they come.
+"""The messages that the console needs from an autopilot and requests until they arrive.
 
-An ArduPilot sends nothing but heartbeats that it is not asked for, and forgets what it was asked
-for when it starts again.
+Without requests, an ArduPilot sends only heartbeats. It loses the requests at a restart.
 """
 
 from dataclasses import dataclass, field
@@ -11,14 +10,14 @@ from pa_console.schema.world import AssetKind
 
 POSITION = "GLOBAL_POSITION_INT"
 GRACE_S = 2.0
-"""A message is late by so much beyond two of its periods before it is asked for again."""
+"""The delay beyond two periods after which a message is requested again, in seconds."""
 
 ASK_S = 3.0
-"""The time between two requests for the same message."""
+"""The least time between two requests for the same message, in seconds."""
 
 
 def needed_messages(kind: AssetKind, position_s: float) -> tuple[NeededMessage, ...]:
-    """Return the messages that a vehicle of `kind` sends; positions come every `position_s`."""
+    """Return the messages needed from a vehicle of `kind`, with a position every `position_s`."""
     lands = NeededMessage("EXTENDED_SYS_STATE", 1.0, "it counts as landed while disarmed", 245)
     return (
         NeededMessage("HEARTBEAT", 1.0, "its mode is unknown, and it takes no orders", 0),
@@ -35,18 +34,18 @@ def needed_messages(kind: AssetKind, position_s: float) -> tuple[NeededMessage, 
 
 @dataclass
 class RequestedMessages(MessageWatch):
-    """Counts the messages of a vehicle that sends what it is asked for."""
+    """The arrivals of a vehicle's messages, and the requests for them."""
 
     _asked: dict[str, float] = field(default_factory=dict[str, float])
 
     def ask_again(self, now_s: float) -> None:
-        """Have every message asked for: the vehicle may have forgotten what it was asked for."""
+        """Forget all arrivals and requests, so that every message is requested again."""
         self._asked.clear()
         self._heard.clear()
         self.began_s = now_s
 
     def due(self, now_s: float) -> list[NeededMessage]:
-        """Return the messages to ask for now; each counts as asked for by that."""
+        """Return the messages to request now, and record them as requested."""
         due = [
             needed
             for needed in self.needed

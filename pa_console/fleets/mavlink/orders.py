@@ -1,4 +1,4 @@
-"""The steps of an order, which an autopilot is asked for one after another."""
+"""Orders to one vehicle, and the planner that divides a command into steps for the autopilot."""
 
 import math
 from collections import deque
@@ -18,21 +18,22 @@ from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
 UNANSWERED_S = 3.0
-"""mavsdk has answered a hold within this time, or never will."""
+"""The longest wait for the answer of mavsdk to a hold, in seconds; later, none arrives."""
 
 
 @dataclass(frozen=True)
 class Upload:
-    """The step of replacing the mission."""
+    """A step that replaces the mission of the autopilot."""
 
     items: tuple[MavItem, ...]
 
 
 @dataclass(frozen=True)
 class Climb:
-    """The step of waiting until the drone has taken off, metres above home."""
+    """A step that waits until the drone has taken off."""
 
     altitude_m: float
+    """The altitude in metres above home."""
 
 
 Step = MavCommand | Upload | Climb
@@ -40,79 +41,88 @@ Step = MavCommand | Upload | Climb
 
 @dataclass
 class FlightOrder:
-    """An order on its way; the first of `steps` is the one that is being carried out.
+    """An order in progress; the first of `steps` is the current one.
 
-    Times are those of the flight's clock, seconds.
+    Times are in seconds on the flight's clock.
     """
 
     command: DeviceCommand
     steps: deque[Step]
     target: Point | None
-    """The place where it ends; None for home, wherever the drone has that."""
+    """The place where the order ends; None for the home position of the drone."""
     altitude_m: float
     since_s: float
+    """The time at which the order was planned."""
     step_s: float | None = None
-    """When the step was asked for, last; None if it has not been."""
+    """The time of the last request for the current step; None if there was none yet."""
     tries: int = 0
+    """The number of requests for the current step."""
     refused: tuple[str, float] | None = None
-    """The autopilot's refusal, and its time."""
+    """The autopilot's refusal and its time."""
     acknowledged: bool = False
     nearest_m: float = math.inf
+    """The shortest distance to the target so far."""
     nearest_s: float = 0.0
+    """The time at which `nearest_m` was reached."""
     told_s: float = 0.0
+    """The time of the last progress answer."""
     started_s: float = 0.0
-    """When the autopilot had accepted all of it."""
+    """The time at which the last step was completed."""
 
     @property
     def arming(self) -> bool:
-        """True while the order needs the drone armed."""
+        """True while a command to arm is among the remaining steps."""
         return any(isinstance(s, MavCommand) and s.command == Cmd.ARM for s in self.steps)
 
 
 @dataclass
 class HoldOrder:
-    """A hold, from when it is asked for until the drone stands."""
+    """A hold, from its request until the vehicle has stopped."""
 
     command: DeviceCommand
     asked_s: float
-    """When the autopilot was asked."""
+    """The time of the request to the autopilot."""
     accepted_s: float | None = None
     accepted_at: datetime | None = None
     asked: bool = True
-    """True while the autopilot has not answered."""
+    """True until the autopilot answers."""
     refused: tuple[str, float] | None = None
     done: bool = False
 
     def waits(self, now: float) -> bool:
-        """Return whether the autopilot has still to answer."""
+        """Return whether an answer of the autopilot is still expected."""
         return self.asked and now - self.asked_s < UNANSWERED_S
 
 
 @dataclass
 class OrderPlanner:
-    """Makes orders of the commands to the vehicle `agent`, at altitudes that `vehicles` gives."""
+    """The planner that turns commands to the vehicle `agent` into orders.
+
+    The altitudes are those in `vehicles`.
+    """
 
     agent: str
     terrain: Terrain
     geography: Geography
     vehicles: MavlinkVehicles
     others: Callable[[], Sequence[Point]]
-    """Returns the places that other drones have, or are on their way to."""
+    """A function that returns the places that other vehicles occupy or are on their way to."""
     _looks: bool = field(default=False, init=False)
-    """True while the drone looks at a region of interest."""
+    """True while the drone has a region of interest."""
 
     @property
     def asset_kind(self) -> AssetKind:
-        """The kind of the vehicle, by the file of the vehicles."""
+        """The kind of the vehicle in the file."""
         return self.vehicles.vehicles[self.agent].kind
 
     def plan(
         self, command: DeviceCommand, state: DroneState, fix: Fix, kind: Kind, now_s: float
     ) -> FlightOrder | str:
-        """Return the order that carries `command` out from where the drone is, or why none does."""
+        """Return the order that carries out `command` from `fix`, or the reason if none can."""
         route: tuple[Point, ...] = ()
         altitude, flies = max(fix.altitude_m, self.vehicles.floor_m), self.asset_kind == "uav"
-        # A ground vehicle's own way home is a straight line, through whatever stands there.
+        # A drone returns with its autopilot's own function. A ground vehicle would drive home in a
+        # straight line, through any obstacle, so it gets a route.
         if command.verb != "return_to_base" or not flies:
             if flies:
                 altitude = self.vehicles.altitude(self.agent, cast("FlownVerb", command.verb))
@@ -135,7 +145,10 @@ class OrderPlanner:
         return FlightOrder(command, deque(steps), route[-1] if route else None, altitude, now_s)
 
     def _place(self, frame: str, fix: Fix) -> Point | None:
-        """Return where the drone is to stay at a frame: where it stands, else a free place."""
+        """Return the place for the vehicle at a frame; None if no place is free.
+
+        A vehicle that has stopped at the frame keeps its place.
+        """
         if self.terrain.frame_at(*fix.at) == frame and fix.speed_mps == 0.0:
             return fix.at
         return self.terrain.free_place(frame, self.asset_kind, self.others())
@@ -143,7 +156,7 @@ class OrderPlanner:
     def _driven(
         self, kind: Kind, state: DroneState, fix: Fix, route: Sequence[Point]
     ) -> list[Step]:
-        """Return the steps of a ground vehicle: it does not take off, and has no altitude."""
+        """Return the steps for a ground vehicle, without a takeoff or altitudes."""
         way = [self.geography.degrees(at) for at in route]
         if len(way) > 1:
             items = commands.mission_of(kind, way, 0.0, None, on_ground=False)
@@ -160,7 +173,7 @@ class OrderPlanner:
         heights_m: tuple[float, float],
         route: Sequence[Point],
     ) -> list[Step]:
-        """Return the steps of a drone; its height is given above home and above sea level."""
+        """Return the steps for a drone; `heights_m` are its heights above home and sea level."""
         altitude, msl_m = heights_m
         interest = self._interest(command.target or "") if command.verb == "observe" else None
         way: list[Degrees] = [self.geography.degrees(at) for at in route]
@@ -177,7 +190,7 @@ class OrderPlanner:
         return [*steps, commands.reposition(way[-1], msl_m)]
 
     def _interest(self, gate: str) -> Degrees:
-        """Return where to look at a gate: at the end of its lane, where contacts wait."""
+        """Return the place to look at for a gate: the end of its lane, where contacts wait."""
         lanes = self.terrain.lanes_to(gate)
         at = (
             self.terrain.lanes[lanes[0]].waiting_point

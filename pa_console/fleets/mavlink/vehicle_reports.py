@@ -1,4 +1,4 @@
-"""What one vehicle reports by MAVLink, what of that goes to the operator, and what it lacks."""
+"""The processing of one vehicle's MAVLink messages: its state, its readiness, and notices."""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,18 +22,22 @@ from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
 CHECK_AGAIN_S = 5.0
-"""A vehicle that does not arm is asked so often for its reasons."""
+"""The time between two requests for the reasons of a vehicle that does not arm, in seconds."""
 
 REPEAT_TEXT_S = 30.0
+"""The least time between two equal notices, in seconds."""
+
 MOST_TEXTS = 512
+"""The largest number of different notices in REPEAT_TEXT_S; further ones are dropped."""
+
 COMPLETE_S = 5.0
-"""A drone that does not report its battery, or whether it flies, is taken as it is after that."""
+"""The wait for the battery level and the landed state, in seconds; then both may be missing."""
 
 NO_ESTIMATE = "it has no position estimate yet"
 
 
 class ReportingVehicle(ABC):
-    """Takes in what the asset `agent` reports; `tell` gets its notices and its readiness."""
+    """The state of the asset `agent` from its messages; `tell` gets its notices and readiness."""
 
     def __init__(
         self,
@@ -46,9 +50,9 @@ class ReportingVehicle(ABC):
         tell: Callable[[LinkNews], None],
         now: Callable[[], float],
     ) -> None:
-        """`now` is a monotonic clock, seconds."""
+        """Take the time in seconds from `now`, a monotonic clock."""
         self.agent, self.heard = agent, True
-        """`heard` is False while its heartbeats do not come."""
+        """`heard` is False while no heartbeats arrive."""
         self._terrain, self._geography = terrain, geography
         self._autopilot, self._tell, self._now = autopilot, tell, now
         self._kind = self._found_kind = vehicles.vehicles[agent].kind
@@ -57,7 +61,7 @@ class ReportingVehicle(ABC):
         areas = fence_of(terrain.world, geography)
         self.fence = FenceWatch(areas, geography, autopilot, self._say, vehicles.fence_check_s)
         self._texts: dict[str, float] = {}
-        """The times of recent notices by their texts."""
+        """The times of recent notices, by their texts."""
         self._told_once: set[str] = set()
         self._first_s: float | None = None
         self._known_healthy = False
@@ -68,18 +72,18 @@ class ReportingVehicle(ABC):
 
     @abstractmethod
     def _give_up(self, why: str) -> None:
-        """End the order that is under way, if there is one, as failed."""
+        """End the current order, if there is one, as failed."""
 
     def fence_read(self, problem: str, items: Sequence[MavItem]) -> None:
-        """Take in its geofence, or why it could not be read."""
+        """Process the vehicle's geofence, or the reason why it could not be read."""
         self.fence.read(problem, items, self._now())
 
     def fence_uploaded(self, problem: str) -> None:
-        """Take in how the upload of its geofence ended."""
+        """Process the result of the upload of a geofence."""
         self.fence.uploaded(problem, self._now())
 
     def home_at(self, latitude: float, longitude: float) -> None:
-        """Process its home, where it lands on return; report one away from the base."""
+        """Process the home position, where the vehicle returns; report one away from the base."""
         home = self._geography.near(latitude, longitude)
         if home is None:
             return
@@ -90,7 +94,7 @@ class ReportingVehicle(ABC):
             self._say_now_and_then("warning", text)
 
     def positioned(self, message: Mapping[str, Any], arrived: datetime) -> None:
-        """Take in a GLOBAL_POSITION_INT and report the drone to the station."""
+        """Process a GLOBAL_POSITION_INT, and react to a new position or a restart."""
         if self.state.clock.restarted(int(message["time_boot_ms"]) / 1e3):
             self._say("alarm", "has started again")
             self.fence.start_again()
@@ -106,7 +110,7 @@ class ReportingVehicle(ABC):
             self._seen()
 
     def is_a(self, kind: AssetKind) -> None:
-        """Process the kind of vehicle in a heartbeat."""
+        """Process the kind of vehicle in a heartbeat; report a kind that differs from the file."""
         if kind != self._found_kind:
             self._found_kind = kind
             if kind != self._kind:
@@ -114,41 +118,44 @@ class ReportingVehicle(ABC):
                 self._say("alarm", text)
 
     def checked(self, may_arm: bool) -> None:
-        """Take in whether its own checks let it arm."""
+        """Process whether the vehicle's own checks allow arming."""
         self.state.may_arm = may_arm
 
     def lacks(self, messages: str) -> None:
-        """Take in the messages that do not come although they were asked for."""
+        """Report the requested messages that do not arrive."""
         self._say_now_and_then("warning", f"does not send {messages}")
 
     def mode_changed(self, mode: str) -> None:
-        """Take in its flight mode, by mavsdk's name; it comes with every heartbeat."""
+        """Process the flight mode, by mavsdk's name, which arrives with every heartbeat."""
         was_manual, self.state.mode, self.state.mode_s = self.state.manual, mode, self._now()
         self._look_for_pilot(was_manual)
 
     def heartbeat(self, base_mode: int, system_state: int) -> None:
-        """Take in the flags of a heartbeat."""
+        """Process the flags of a heartbeat."""
         was_manual, armed_flag, self.heard = self.state.manual, 128, True
         self.state.armed, self.state.beats = bool(base_mode & armed_flag), True
         self.state.system_state = system_state
         self._look_for_pilot(was_manual)
 
     def health(self, ok: bool) -> None:
-        """Process its sensors' health; in the first seconds, unreported ones count as missing."""
+        """Process the health of the sensors; in the first seconds, bad health is ignored.
+
+        The autopilot has not reported on all sensors by then.
+        """
         since_s = self._now() - self._first_s if self._first_s is not None else 0.0
         self._known_healthy |= ok
         self.state.healthy = ok or not (self._known_healthy or since_s > COMPLETE_S)
 
     def said(self, message: Mapping[str, Any]) -> None:
-        """Take in a STATUSTEXT; warnings go to the operator."""
+        """Process a STATUSTEXT; warnings are reported to the operator."""
         line, warning = self.state.said(message, self._now()), 4
-        # why it does not arm is on its card, as long as that lasts
+        # The asset's card on the screen shows the reasons for not arming while they last.
         if line is not None and line.severity <= warning and not line.text.startswith(PREARM):
             level = "alarm" if line.severity < warning else "warning"
             self._say_now_and_then(level, f"says: {line.text}")
 
     def _defect(self) -> str:
-        """Return what keeps it from every order but a report and a hold, '' if nothing does."""
+        """Return why the vehicle takes no orders except a report and a hold; '' if it does."""
         if self._found_kind != self._kind:
             return f"it is a {self._found_kind} by its heartbeat, and a {self._kind} in the file"
         if not self._complete():
@@ -156,7 +163,7 @@ class ReportingVehicle(ABC):
         return "it reports an emergency" if self.state.status == "failed" else ""
 
     def _why_grounded(self, command: DeviceCommand) -> str:
-        """Return what keeps it from setting out, '' if nothing does."""
+        """Return why the vehicle cannot start to move; '' if it can."""
         state = self.state
         goes_home = command.verb == "return_to_base" and not state.landed
         if self.fence.problem and not goes_home:
@@ -166,7 +173,7 @@ class ReportingVehicle(ABC):
         return ""
 
     def _note_readiness(self, now: float) -> None:
-        """Emit why it cannot start yet, and that it can; its own reasons are asked for."""
+        """Update the reasons why the vehicle cannot start yet, and request its own reasons."""
         state = self.state
         parts: list[str] = []
         if self.heard and state.parked:
@@ -181,7 +188,7 @@ class ReportingVehicle(ABC):
         self.readiness.note(parts)
 
     def _why_no_fence(self, at: Point) -> str:
-        """Return why the fence of a drone `at` a place may not be replaced, '' when it may."""
+        """Return why the geofence of a vehicle `at` a place may not be replaced; '' if it may."""
         if self.state.manual:
             return f"a pilot flies it ({self.state.mode})"
         if not self.state.landed and self._terrain.depth(at) < 0.0:
@@ -189,7 +196,7 @@ class ReportingVehicle(ABC):
         return ""
 
     def _look_for_pilot(self, was_manual: bool) -> None:
-        """End the order of a drone that a pilot has taken over."""
+        """Report a change of manual control; end the order if a pilot has taken over."""
         if was_manual is self.state.manual:
             return
         if self.state.manual:
@@ -203,7 +210,7 @@ class ReportingVehicle(ABC):
         return f"{what}: {words}" if words else what
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
-        """Emit a notice, unless an equal one was emitted a short while ago."""
+        """Emit a notice, unless an equal one was emitted within REPEAT_TEXT_S."""
         now, told = self._now(), self._texts
         for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
             del told[old]
@@ -212,7 +219,10 @@ class ReportingVehicle(ABC):
             self._say(level, text)
 
     def _complete(self) -> bool:
-        """Return whether the drone is known: its mode, whether it flies, and its battery."""
+        """Return whether position, mode, landed state and battery level are known.
+
+        The last two are not waited for after COMPLETE_S.
+        """
         state, now = self.state, self._now()
         if state.fix is None or not state.mode_s or not state.beats:
             return False
@@ -237,7 +247,7 @@ class ReportingVehicle(ABC):
         return fix is not None and self._terrain.frame_at(*fix.at) == world.base
 
     def _words(self) -> str:
-        """Return the brief report of the drone: place, height, mode, battery."""
+        """Return a short report of the vehicle: place, height, mode, battery and geofence."""
         fix, state = self.state.fix, self.state
         if fix is None:
             return "it has not reported where it is"

@@ -1,4 +1,4 @@
-"""The file of a MAVLink link: its vehicles, and the altitudes of those that fly.
+"""The file of a MAVLink link, with its vehicles and the altitudes of the drones.
 
 connection: udp://0.0.0.0:14540
 floor_m: 10
@@ -20,16 +20,16 @@ from pa_console.schema.document import Document
 from pa_console.schema.world import Origin, World
 
 FlownVerb = Literal["move_to", "observe"]
-"""The orders whose altitude is ours; the way home is flown at the autopilot's own."""
+"""The orders with an altitude from the console; the autopilot sets the altitude of a return."""
 
 Altitude = Annotated[float, Field(gt=0.0, le=500.0)]
-"""Metres above the place where the drone was armed."""
+"""An altitude in metres above the place where the drone was armed."""
 
 MOST_VEHICLES = 200
 
 
 class VehicleSpec(StrictModel):
-    """One vehicle: the MAVLink system id that it has, and altitudes of its own if it flies."""
+    """One vehicle: its MAVLink system id, its kind, and its own altitudes if it is a drone."""
 
     system_id: int = Field(ge=1, le=244)
     kind: Literal["uav", "ugv"] = "uav"
@@ -38,7 +38,7 @@ class VehicleSpec(StrictModel):
 
 
 class MavlinkVehicles(StrictModel):
-    """The vehicles of one link; altitudes are metres above the place of arming."""
+    """The vehicles of one link; altitudes are in metres above the place of arming."""
 
     connection: str | tuple[str, ...] = Field(
         default="", description="one or several, used when the file itself is the address"
@@ -55,14 +55,14 @@ class MavlinkVehicles(StrictModel):
     vehicles: dict[Name, VehicleSpec] = Field(min_length=1, max_length=MOST_VEHICLES)
 
     def altitude(self, agent: str, verb: FlownVerb) -> float:
-        """Return how high `agent` carries `verb` out: the most particular altitude counts."""
+        """Return the altitude at which `agent` carries out `verb`, the most specific one."""
         own = self.vehicles[agent]
         fallback = self.altitudes_m.get(verb, self.altitude_m)
         return own.altitudes_m.get(verb, own.altitude_m or fallback)
 
 
 def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
-    """Read the file at `path`; raises DocumentError, which is a ValueError, with the remedy."""
+    """Return the vehicles in the file at `path`; raises DocumentError, a ValueError, if invalid."""
     document = Document.read(path)
     found = document.parse(MavlinkVehicles)
     if found.floor_m > found.ceiling_m:

@@ -1,1 +1,1 @@
-"""Robots that speak ROS 2, by rclpy, the client library of an installed ROS 2."""
+"""Robots over ROS 2, with rclpy, the client library of an installed ROS 2."""

@@ -1,4 +1,4 @@
-"""The connection file of robots with ROS 2, and where their map lies in the world."""
+"""The connection file of robots with ROS 2, and the fit of their map into the world."""
 
 import cmath
 import math
@@ -15,13 +15,13 @@ from pa_console.schema.document import Document
 from pa_console.schema.world import World
 
 _MOVES: tuple[Verb, ...] = ("move_to", "observe", "block", "return_to_base")
-"""The commands of a robot that only navigates: going to a place, and staying there."""
+"""The commands of a robot that only navigates to places and stays there."""
 
 _NAME = r"^/?[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*$"
 
 
 class RobotEntry(StrictModel):
-    """One robot; a name that begins with `/` is used as it is, others are in its namespace."""
+    """One robot; names that begin with `/` are absolute, other names are in its namespace."""
 
     namespace: str | None = Field(
         default=None, pattern=rf"^/?$|{_NAME}", description="its asset's name by default"
@@ -62,11 +62,11 @@ class RobotEntry(StrictModel):
 
     @property
     def able(self) -> tuple[Verb, ...]:
-        """Its abilities, besides hold and report."""
+        """The commands that the robot can carry out, besides hold and report."""
         return self.can if self.can is not None else _MOVES
 
     def named(self, asset: str, name: str) -> str:
-        """Return the full ROS name of a topic or an action of the robot that is `asset`."""
+        """Return the full ROS name of a topic or an action of the robot with the name `asset`."""
         space = (self.namespace if self.namespace is not None else asset).strip("/")
         return name if name.startswith("/") else f"/{space}/{name}" if space else f"/{name}"
 
@@ -106,7 +106,7 @@ class Connection(StrictModel):
 
 @dataclass(frozen=True)
 class RobotSite:
-    """A world, the robots of it that a connection file names, and where their map lies."""
+    """A world, the connection file of its robots, and the fit of their map into the world."""
 
     world: World
     connection: Connection
@@ -116,7 +116,7 @@ class RobotSite:
 def read_site(path: Path, world: World) -> RobotSite:
     """Return the contents of the connection file at `path`, for robots of `world`.
 
-    Raises DocumentError, which names file, line, field and remedy.
+    Raises DocumentError with file, line, field and remedy if the file is not valid.
     """
     document = Document.read(path)
     connection = document.parse(Connection)
@@ -152,21 +152,22 @@ def read_site(path: Path, world: World) -> RobotSite:
 
 @dataclass(frozen=True)
 class MapFit:
-    """The place of the robots' map in the world: turned and moved, never stretched or mirrored.
+    """The place of the robots' map in the world, as a rotation and a translation.
 
-    Both are in metres, so a scale is an error of measurement, and shows as one.
+    The map is not scaled, because both are in metres. A difference in scale is an error of
+    measurement and appears as a distance in `worst`.
     """
 
     turn: float
-    """Radians by which the map is turned, counter-clockwise."""
+    """The rotation of the map, counter-clockwise, in radians."""
     shift: Point
     """The world's coordinates of the map's origin."""
     worst: tuple[str, float]
-    """The frame that is farthest from its place, and how far that is, metres."""
+    """The frame with the largest error of the fit, and that error in metres."""
 
     @classmethod
     def of(cls, on_map: dict[str, Point], in_world: dict[str, Point]) -> Self:
-        """Return the best fit (least squares) of the same frames, two or more, in both."""
+        """Return the best fit (least squares) of two or more frames, given on both maps."""
         there = {name: complex(*at) for name, at in on_map.items()}
         here = {name: complex(*in_world[name]) for name in on_map}
         middle = sum(there.values()) / len(there)
@@ -181,11 +182,11 @@ class MapFit:
         return cls(turn, (shift.real, shift.imag), (name, off[name]))
 
     def to_world(self, pose: Planar) -> Planar:
-        """Return a pose on the map in the world."""
+        """Return the pose in the world of a pose on the map."""
         return Planar(*self.shift, self.turn).then(pose)
 
     def to_map(self, pose: Planar) -> Planar:
-        """Return a pose in the world on the map."""
+        """Return the pose on the map of a pose in the world."""
         x, y = pose.x - self.shift[0], pose.y - self.shift[1]
         back = Planar(0.0, 0.0, -self.turn)
         return back.then(Planar(x, y, math.remainder(pose.yaw, math.tau)))

@@ -1,6 +1,7 @@
-"""A link to robots that navigate with Nav2: `--fleet ros2:FILE.yaml`.
+"""The link to robots that navigate with Nav2: `--fleet ros2:FILE.yaml`.
 
-The thread of the ROS 2 node does everything; the station's thread hands it commands and takes news.
+The thread of the ROS 2 node does all the work. The station's thread only passes commands to it and
+takes news from it.
 """
 
 import time
@@ -29,19 +30,19 @@ from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.occupancy_map import background_of
 
 MAP_S = 5.0
-"""The least time from one map that is taken in to the next, seconds."""
+"""The least time between two maps that are processed, in seconds."""
 
 
 class Ros2Link(ThreadedLink):
-    """The robots of one file."""
+    """The link to the robots of one connection file."""
 
     def __init__(self, path: Path, site: RobotSite) -> None:
-        """Raises ImportError where there is no ROS 2."""
+        """Start the node and subscribe; raises ImportError if ROS 2 is not installed."""
         super().__init__(f"ros2:{path}")
         self._site, self.agents = site, frozenset(site.connection.robots)
         self._map_frames = {entry.map_frame for entry in site.connection.robots.values()}
         self._map: Any = None
-        """A map that waits to be taken in."""
+        """The newest map, until it is processed."""
         self._maps, self._map_s = 0, -MAP_S
         self._commands: deque[DeviceCommand] = deque()
         node = import_module("pa_console.fleets.ros2.node")
@@ -59,7 +60,7 @@ class Ros2Link(ThreadedLink):
 
     @property
     def problem(self) -> str:
-        """The reason why no robot can be commanded, '' while one can."""
+        """The reason why no robot can be commanded; '' while one can."""
         actions = [robot.server.action for robot in self._robots.values()]
         if any(self._node.servers.get(action) for action in actions):
             return ""
@@ -71,7 +72,7 @@ class Ros2Link(ThreadedLink):
         self._node.post(self._send)
 
     def discover(self) -> Sequence[FoundRobot]:
-        """Return a robot for each action server that takes goals in the domain."""
+        """Return a robot for each action server `NavigateToPose` in the domain."""
         named = {robot.server.action: robot for robot in self._robots.values()}
         found: list[FoundRobot] = []
         for action in sorted(action for action, count in self._node.servers.items() if count):
@@ -85,7 +86,7 @@ class Ros2Link(ThreadedLink):
         return found
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:  # noqa: ARG002 - it has listened
-        """Return what comes from every robot, and their map."""
+        """Return findings about every robot and about their map."""
         findings = [each for robot in self._robots.values() for each in robot.examine()]
         if (topic := self._site.connection.map) is not None:
             maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
@@ -94,11 +95,11 @@ class Ros2Link(ThreadedLink):
         return findings
 
     def close(self) -> None:
-        """End the node; the robots do what they do without a station."""
+        """End the node; the robots then follow their own rules for a lost link."""
         self._node.close()
 
     def _send(self) -> None:
-        """Send the commands that wait; no motion that waits goes out before a hold."""
+        """Send the waiting commands; a motion that waits with a later hold is refused."""
         waiting = [self._commands.popleft() for _ in range(len(self._commands))]
         for place, command in enumerate(waiting):
             held = {each.agent for each in waiting[place:] if each.verb == "hold"}
@@ -119,7 +120,7 @@ class Ros2Link(ThreadedLink):
         self._map = message
 
     def _take_map(self, topic: str) -> None:
-        """Take in the newest map, laid where the robots' map is in the world."""
+        """Process the newest map, placed in the world by the fit of the robots' map."""
         message, self._map, self._map_s = self._map, None, time.monotonic()
         try:
             grid = read_grid(message)
@@ -135,10 +136,10 @@ class Ros2Link(ThreadedLink):
 
 
 def open_link(address: str, world: World, settings: Settings) -> Ros2Link:  # noqa: ARG001
-    """Return the link to the robots of the file at `address`, for assets of `world`.
+    """Return the link to the robots in the file at `address`, which are assets of `world`.
 
-    Raises ValueError with the remedy for a file that cannot be used, if there is no ROS 2 here, and
-    if none of the robots is there.
+    Raises ValueError with a remedy if the file is not valid, if ROS 2 is not installed here, or if
+    none of the robots is found.
     """
     path = Path(address).expanduser()
     try:

@@ -1,4 +1,4 @@
-"""The place and the speed of a robot, from the transforms and the odometry that it publishes."""
+"""The place of a robot on its map, from the transforms or poses that it publishes."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -6,7 +6,7 @@ from typing import NamedTuple
 from pa_console.fleets.ros2.messages import Planar, Stamped
 
 MOST_FRAMES = 256
-"""Frames of one robot that are kept; a robot with arms has about fifty."""
+"""The largest number of frames kept for one robot; a robot with arms has about fifty."""
 
 
 class Place(NamedTuple):
@@ -14,26 +14,26 @@ class Place(NamedTuple):
 
     pose: Planar
     stamp: float
-    """When it was there, seconds on the robot's clock."""
+    """The time of the place, in seconds on the robot's clock."""
     arrived_s: float
-    """When that came in, on the station's monotonic clock."""
+    """The time of arrival, in seconds on the station's monotonic clock."""
 
 
 class Localization:
-    """Keeps the newest transform of each frame; `place` follows them from the robot to its map."""
+    """The newest transform of each frame, and the place that results from the chain of them."""
 
     def __init__(self, map_frame: str, base_frame: str) -> None:
         self._map, self._base = map_frame, base_frame
         self._parents: dict[str, Stamped] = {}
         self.place: Place | None = None
-        """The place of the robot, None while it is not known."""
+        """The place of the robot; None while it is unknown."""
 
     def see_transforms(
         self, transforms: Iterable[Stamped], now_s: float, *, fixed: bool = False
     ) -> None:
-        """Take in transforms; one that is older than what is known of its frame changes nothing.
+        """Process transforms; one that is older than the known one of its frame is ignored.
 
-        A `fixed` one holds at any time: the place is not as old as that.
+        A `fixed` transform is valid at any time and does not determine the time of the place.
         """
         for each in transforms:
             if fixed:
@@ -47,15 +47,15 @@ class Localization:
             self.move(*found, now_s)
 
     def move(self, pose: Planar, stamp: float, now_s: float) -> None:
-        """Take in a place; one that is older than what is known changes nothing."""
+        """Set the place of the robot, unless it is older than the known one."""
         if self.place is None or stamp > self.place.stamp:
             self.place = Place(pose, stamp, now_s)
 
     def _chain(self) -> tuple[Planar, float] | None:
-        """Return the robot's pose on the map, and when that was; None while a transform is missing.
+        """Return the robot's pose on the map and its time; None while a transform is missing.
 
-        It is as old as the transform nearest to the robot that moves: localization stamps the
-        map's own transform with a time ahead of now.
+        The time is that of the first transform from the robot that is not fixed. It is not that of
+        the map's transform, because localization stamps that with a time in the future.
         """
         pose, stamp, frame = Planar(0.0, 0.0, 0.0), 0.0, self._base
         for _ in range(len(self._parents)):

@@ -1,8 +1,8 @@
-"""Plain values from the ROS 2 messages of a robot.
+"""Readers of the ROS 2 messages of a robot, which return plain values.
 
-Anyone in the robots' DDS domain can publish. A message with numbers that are not finite, or that is
-of no use otherwise, raises UnreadableError. Nav2's result has grown from release to release:
-nothing (Humble), an error code (Jazzy), a text as well (Kilted).
+Anyone in the robots' DDS domain can publish. Therefore, the readers raise UnreadableError for
+numbers that are not finite and for other invalid content. The result of Nav2 depends on the
+release: it is empty (Humble), has an error code (Jazzy), or also has a text (Kilted).
 """
 
 import math
@@ -16,38 +16,41 @@ import numpy.typing as npt
 from pa_console.schema.text import visible_line
 
 FARTHEST_M = 1e6
-"""A coordinate beyond this is no place on any map, metres."""
+"""The largest accepted coordinate, in metres."""
 
 MOST_ITEMS = 4096
-"""A sequence in a message may be this long."""
+"""The largest accepted length of a sequence in a message."""
 
 MOST_CELLS = 4_000_000
-"""A map may have this many cells: 100 m by 100 m at 5 cm."""
+"""The largest accepted number of cells of a map, which is 100 m by 100 m at 5 cm."""
 
 CELL_M = (0.005, 10.0)
-"""The smallest and the largest cell of a map, metres."""
+"""The smallest and the largest accepted cell of a map, in metres."""
 
 OCCUPIED, FREE = 65, 25
-"""From the one on, a cell of a map is occupied, and up to the other free, percent."""
+"""The least value of an occupied cell, and the largest value of a free one, in percent."""
 
 UNKNOWN, SUCCEEDED, CANCELED = 0, 4, 5
 ACTIVE = range(1, 4)
-"""States of a goal, numbered as in `action_msgs/GoalStatus`."""
+"""The states of a goal, numbered as in `action_msgs/GoalStatus`."""
+
+ACTIVE_STATE = "active"
+_STATES = MappingProxyType({1: "unconfigured", 2: "inactive", 3: ACTIVE_STATE, 4: "finalized"})
 
 
 class UnreadableError(ValueError):
-    """A message that is not believed, with the reason."""
+    """Raised with the reason if a message is not valid."""
 
 
 class Planar(NamedTuple):
-    """A position in the plane of a map, metres, and a direction, radians from its x axis."""
+    """A pose in the plane of a map: metres, and radians from the x axis."""
 
     x: float
     y: float
     yaw: float
 
     def then(self, inner: "Planar") -> "Planar":
-        """Return `inner`, which is given relative to this pose, in the frame of this pose."""
+        """Return `inner`, a pose relative to this one, in the frame in which this one is given."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         return Planar(
             self.x + cosine * inner.x - sine * inner.y,
@@ -57,9 +60,9 @@ class Planar(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """A map: which cells are occupied and which are free, the first row at the top.
+    """A map with its occupied and its free cells; the first row is at the top.
 
-    `corner` is the lower left one.
+    `corner` is the pose of the lower left corner.
     """
 
     frame: str
@@ -70,7 +73,7 @@ class Grid(NamedTuple):
 
 
 class Stamped(NamedTuple):
-    """A pose of `child` in `parent` at `stamp`, seconds on the robot's clock."""
+    """A pose of `child` in `parent` at the time `stamp`, in seconds on the robot's clock."""
 
     parent: str
     child: str
@@ -92,7 +95,7 @@ _REASONS: Mapping[int, str] = MappingProxyType(
         9001: "it cannot load the behaviour tree",
     }
 )
-"""Nav2's error codes that an operator can do something about."""
+"""The reasons for those error codes of Nav2 to which an operator can react."""
 
 
 def read_transforms(message: Any) -> list[Stamped]:
@@ -115,13 +118,13 @@ def read_pose(message: Any) -> Stamped:
 
 
 def read_speed(message: Any) -> float:
-    """Return the speed in a `nav_msgs/Odometry`, metres a second."""
+    """Return the speed in a `nav_msgs/Odometry`, in metres per second."""
     linear = message.twist.twist.linear
     return math.hypot(_number(linear.x), _number(linear.y))
 
 
 def read_battery(message: Any) -> float:
-    """Return the charge of a `sensor_msgs/BatteryState`, percent."""
+    """Return the charge in a `sensor_msgs/BatteryState`, in percent."""
     share = _number(message.percentage)
     if not 0.0 <= share <= 1.0:
         raise UnreadableError(f"a charge of {share:g} is not from 0 to 1")
@@ -134,24 +137,20 @@ def read_states(message: Any) -> dict[bytes, int]:
 
 
 def read_result(message: Any) -> tuple[int, str]:
-    """Return the state of a goal, and the robot's reason for a failure, '' for none."""
+    """Return the state of a goal, and the robot's reason for a failure; '' if it gives none."""
     code = int(getattr(message.result, "error_code", 0))
     text = visible_line(getattr(message.result, "error_msg", "")[:200]).strip()
     named = f"{_REASONS.get(code, '')} (Nav2 error {code})".strip() if code else ""
     return message.status, ": ".join(part for part in (named, text) if part)
 
 
-ACTIVE_STATE = "active"
-_STATES = MappingProxyType({1: "unconfigured", 2: "inactive", 3: ACTIVE_STATE, 4: "finalized"})
-
-
 def read_state(message: Any) -> str:
-    """Return the state in the answer of a managed node."""
+    """Return the name of the state in the answer of a managed node."""
     return _STATES.get(message.current_state.id, "changing its state")
 
 
 def read_grid(message: Any) -> Grid:
-    """Return the map of a `nav_msgs/OccupancyGrid`; a value that is no percentage is unknown."""
+    """Return the map in a `nav_msgs/OccupancyGrid`; cells outside 0 to 100 % are unknown."""
     info = message.info
     width, height, cell_m = int(info.width), int(info.height), _number(info.resolution)
     if not 0 < width * height <= MOST_CELLS:
@@ -167,7 +166,7 @@ def read_grid(message: Any) -> Grid:
 
 
 def _number(value: float) -> float:
-    """Return `value`, which must be finite."""
+    """Return `value`; raises UnreadableError if it is not finite."""
     if not math.isfinite(value):
         raise UnreadableError(f"a number in it is {value}")
     return value

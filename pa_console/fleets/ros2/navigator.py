@@ -1,8 +1,9 @@
-"""The goals of one robot: its orders, its answers, and the end of each order.
+"""The goals of one robot: its orders, its answers, and the outcome of each order.
 
-An order is a goal of Nav2's action `NavigateToPose`, whose id is made from the command's. Action
-servers in C++ end with an exception if a known id arrives again (rclcpp_action, "Failed to accept
-new goal"), so no goal is ever sent twice: if its answer is missing, its result is requested.
+An order is a goal of Nav2's action `NavigateToPose`. The id of the goal is derived from the id of
+the command. No goal is sent twice, because action servers in C++ end with an exception if a known
+id arrives again (rclcpp_action, "Failed to accept new goal"). If the answer to a goal is missing,
+its result is requested.
 """
 
 import math
@@ -29,19 +30,19 @@ if TYPE_CHECKING:
     from pa_console.fleets.ros2.node import Nav2Server
 
 ARRIVED_S = 2.0
-"""The pose of a robot that reports its arrival must confirm it within this time, seconds."""
+"""The time within which a robot's pose must confirm its reported arrival, in seconds."""
 
 STANDS_MPS = 0.05
-"""A robot that is no faster than this stands: measured speeds are never quite zero."""
+"""The speed up to which a robot counts as stopped, because measured speeds are never quite zero."""
 
 MOST_GOALS = 256
-"""Orders of one robot that are remembered, to be answered again."""
+"""The number of recent orders of a robot whose answers can be repeated."""
 
 HELD = "stopped by a hold"
 
 
 class Seen(NamedTuple):
-    """The place of a robot in the world and its speed, and when that came in (monotonic)."""
+    """The place of a robot in the world, its speed, and the monotonic time of arrival of both."""
 
     at: Point
     speed_mps: float
@@ -50,7 +51,7 @@ class Seen(NamedTuple):
 
 @dataclass(eq=False)
 class _Goal:
-    """An order, and what has become of it."""
+    """An order and its progress."""
 
     command: DeviceCommand
     goal_id: bytes
@@ -59,20 +60,21 @@ class _Goal:
     sent: bool = False
     accepted: bool = False
     cause: str = ""
-    """Why the console itself ends it."""
+    """The reason why the console itself ends the order; '' if it does not."""
     arrived_s: float | None = None
-    """When the robot said that it has arrived."""
+    """The time at which the robot reported its arrival."""
     said: DeviceAnswer | None = None
+    """The last answer to the command."""
 
     @property
     def over(self) -> bool:
-        """True once the command has had its last answer."""
+        """True once the command has its final answer."""
         return self.said is not None and self.said.status in FINAL_REPLIES
 
 
 @dataclass
 class Navigator:
-    """Carries out the commands to one robot; `step` is called often, all on one thread."""
+    """The execution of the commands to one robot; one thread calls all members, `step` often."""
 
     name: str
     entry: RobotEntry
@@ -80,22 +82,22 @@ class Navigator:
     nav2: "Nav2Server"
     answer: Callable[[DeviceAnswer], object]
     warn: Callable[[str], object]
-    """Takes a line for the operator."""
+    """A function that reports a line to the operator."""
     clock: Callable[[], float]
-    """Returns monotonic seconds."""
+    """A monotonic clock, in seconds."""
     manual: bool = False
     """True while a person steers the robot."""
     not_ready: str = ""
-    """The reason why the robot cannot start, '' if it can."""
+    """The reason why the robot cannot start; '' if it can."""
     seen: Seen | None = None
-    """Where the robot is, None while that is not known."""
+    """The place and the speed of the robot; None while they are unknown."""
     _goals: dict[str, _Goal] = field(default_factory=dict[str, _Goal])
     _waiting: _Goal | None = None
-    """An order that is sent once the running one is cancelled."""
+    """An order that is sent once the current one is cancelled."""
     _hold: DeviceCommand | None = None
-    """A hold, until the robot stands."""
+    """The current hold, until the robot has stopped."""
     _cancelled_s: float = math.inf
-    """When the robot answered that it cancels."""
+    """The time at which the robot confirmed the cancellation for the current hold."""
     _reports: dict[DeviceCommand, float] = field(default_factory=dict[DeviceCommand, float])
     _states: Mapping[bytes, int] = field(default_factory=dict[bytes, int])
     _stays: Task = "idle"
@@ -103,7 +105,7 @@ class Navigator:
 
     @property
     def command_id(self) -> str | None:
-        """The command that the robot carries out, None for none."""
+        """The id of the command that the robot carries out; None if there is none."""
         running = self._running()
         return running.command.command_id if running is not None else None
 
@@ -131,13 +133,13 @@ class Navigator:
             self._order(command)
 
     def reported(self, arrived_s: float) -> None:
-        """Note that a report of the robot came in at `arrived_s`."""
+        """Answer the report commands that were sent before a report arrived at `arrived_s`."""
         for command in [c for c, asked_s in self._reports.items() if asked_s < arrived_s]:
             del self._reports[command]
             self._say(command, "done", "reported")
 
     def see_states(self, states: Mapping[bytes, int]) -> None:
-        """Take in the status of the robot's goals."""
+        """Process the states of the robot's goals."""
         own = {goal.goal_id: goal for goal in self._goals.values()}
         for goal_id in self._active(states):
             if goal_id in own:
@@ -147,7 +149,7 @@ class Navigator:
         self._states = states
 
     def step(self) -> None:
-        """Do what is due: arrivals, a goal that waits, and the end of a hold."""
+        """Process whatever is due: arrivals, a waiting goal, and the end of a hold."""
         for goal in self._goals.values():
             if goal.arrived_s is not None and not goal.over:
                 self._arrive(goal, self.clock() - goal.arrived_s)
@@ -167,7 +169,7 @@ class Navigator:
     # Orders
 
     def _cannot(self, command: DeviceCommand) -> str:
-        """Return why the robot cannot carry out `command`, '' if it can."""
+        """Return why the robot cannot carry out `command`; '' if it can."""
         action, servers = self.entry.named(self.name, self.entry.action), self.nav2.servers
         if self.manual:
             return "a person steers it"
@@ -182,7 +184,7 @@ class Navigator:
         return f"not ready: {self.not_ready}" if self.not_ready else ""
 
     def _running(self) -> _Goal | None:
-        """Return the newest order that the robot may be carrying out."""
+        """Return the newest order that the robot may be carrying out; None if there is none."""
         for goal in reversed(self._goals.values()):
             if goal.sent and goal.arrived_s is None and not goal.over:
                 return goal
@@ -191,8 +193,8 @@ class Navigator:
     def _order(self, command: DeviceCommand) -> None:
         """Replace the robot's goal by a new one.
 
-        Nav2 changes over to a goal by itself, unless that has another behaviour tree: then it keeps
-        the old one, so that is cancelled first.
+        Nav2 replaces its goal by itself if both goals have the same behaviour tree. Otherwise it
+        would keep the old goal, so the old goal is cancelled first.
         """
         running, self._waiting, self._hold = self._running(), None, None
         self._supersede("a newer order took its place")
@@ -211,7 +213,7 @@ class Navigator:
             self._go(goal)
 
     def _supersede(self, cause: str) -> None:
-        """Note why the orders so far end; one that is not sent yet ends here."""
+        """Set the reason why all orders so far end; an order that was not sent ends at once."""
         for goal in self._goals.values():
             if not goal.over:
                 goal.cause = cause
@@ -221,14 +223,14 @@ class Navigator:
     def _go(self, goal: _Goal) -> None:
         at = self.site.world.frames[goal.frame].at
         heading = 0.0
-        if self.seen is not None:  # it arrives as it came, without a turn at the end
+        if self.seen is not None:  # keep the direction of travel, without a turn at the end
             heading = math.atan2(at[1] - self.seen.at[1], at[0] - self.seen.at[0])
         goal.sent = True
         place = self.site.fit.to_map(Planar(*at, heading))
         self.nav2.go(goal.goal_id, place, goal.tree, partial(self._accepted, goal))
 
     def _accepted(self, goal: _Goal, accepted: bool | None) -> None:
-        """Take in the answer to a goal; its result is asked for even if there is none."""
+        """Process the answer to a goal; without an answer, its result is still requested."""
         if accepted:
             self._acknowledge(goal)
         if accepted is not False:
@@ -241,14 +243,14 @@ class Navigator:
             return
         goal.accepted, self._stays = True, "idle"
         self._answer(goal, "acknowledged")
-        if goal.cause == HELD:  # it overtook the hold on its way to the robot
+        if goal.cause == HELD:  # the robot received the hold before this goal
             self.nav2.cancel(goal.goal_id, lambda _: None)
 
     def _ask(self, goal: _Goal) -> None:
         self.nav2.ask(goal.goal_id, partial(self._result, goal))
 
     def _result(self, goal: _Goal, result: tuple[int, str] | None) -> None:
-        """Take in the answer to the question for a result."""
+        """Process the answer to a request for the result of a goal."""
         if goal.over:
             return
         state, error = result or (ACTIVE[0], "")
@@ -270,11 +272,14 @@ class Navigator:
                 self._answer(goal, "failed", goal.cause or why)
 
     def _arrive(self, goal: _Goal, waited_s: float) -> None:
-        """Answer that a robot has arrived, if its own place shows it."""
+        """Answer that the robot has arrived if its place confirms it.
+
+        The order fails if the place does not confirm the arrival within ARRIVED_S.
+        """
         frame, world = self.site.world.frames[goal.frame], self.site.world
         off_m = math.dist(self.seen.at, frame.at) if self.seen is not None else math.inf
         near_m = frame.radius_m
-        if goal.command.verb in ADDRESSING:  # it stops at a distance from contacts there
+        if goal.command.verb in ADDRESSING:  # the robot stops at a distance from the contacts
             near_m += world.platforms["robot"].sensor_range_m
         if off_m <= near_m:
             self._stays = COMMANDS[goal.command.verb].task or "idle"
@@ -286,7 +291,7 @@ class Navigator:
     # Holds
 
     def _stop(self, command: DeviceCommand) -> None:
-        """Cancel every goal of the robot, those of other clients too."""
+        """Cancel every goal of the robot, including the goals of other clients."""
         if self._hold is None or self._hold.command_id != command.command_id:
             self._hold, self._cancelled_s = command, math.inf
         self.nav2.cancel(None, partial(self._cancelled, command))
@@ -294,7 +299,7 @@ class Navigator:
         self._supersede(HELD)
 
     def _cancelled(self, hold: DeviceCommand, code: int | None) -> None:
-        """Take in the answer to a request to cancel all goals."""
+        """Process the answer to a request to cancel all goals."""
         if hold is not self._hold:
             return
         if code is None:

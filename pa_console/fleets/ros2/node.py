@@ -1,6 +1,6 @@
-"""The console's ROS 2 node, on a thread of its own, and the action servers that it commands.
+"""The console's ROS 2 node, which has its own thread, and the clients of a robot's servers.
 
-Only this module needs ROS 2: importing it raises ImportError where there is none.
+Only this module needs ROS 2; its import raises ImportError if ROS 2 is not installed.
 """
 
 import math
@@ -23,7 +23,7 @@ def _interface(name: str) -> Any:
     return getattr(import_module(module), kind)
 
 
-# Typed as Any: a type checker finds ROS 2 only where it is installed.
+# Typed as Any, because a type checker finds ROS 2 only if it is installed.
 _rclpy: Any = import_module("rclpy")
 _actions: Any = import_module("rclpy.action")
 _executors: Any = import_module("rclpy.executors")
@@ -34,40 +34,40 @@ _Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelG
 _GetState = _interface("lifecycle_msgs/srv/GetState")
 
 STEP_S = 0.05
-"""The interval of `step`, seconds."""
+"""The interval between calls of `step`, in seconds."""
 
 GRAPH_S = 0.5
-"""The interval at which action servers are counted, seconds."""
+"""The interval between counts of the action servers, in seconds."""
 
 CALL_S = 3.0
-"""A service that has not answered within this time does not answer, seconds."""
+"""The longest wait for the answer of a service, in seconds."""
 
 CANCEL_S = 1.0
-"""A request to cancel all goals is repeated after this time, seconds."""
+"""The time after which an unanswered request to cancel all goals is repeated, in seconds."""
 
 LATE_S = 10.0
-"""An answer to a request that was repeated still counts for so long, seconds."""
+"""The time for which a late answer to a repeated request is still accepted, in seconds."""
 
 RESULT_S = 10.0
-"""A result is asked for again after this time, seconds: its robot may have started again."""
+"""The time after which a result is requested again, in seconds; the robot may have restarted."""
 
 Then = Callable[[Any], object]
 
 
 class RosNode:
-    """A node; after `start`, its own thread alone uses it, and `post` gives that work."""
+    """A node that only its own thread uses after `start`; `post` gives work to that thread."""
 
     def __init__(self, domain: int | None, guarded: Callable[[Callable[[], object]], None]) -> None:
-        """`guarded` does one thing, whatever that raises."""
+        """Make the node; `guarded` calls a function and handles its errors."""
         self._guarded, self._closed = guarded, False
         self._work: deque[Callable[[], object]] = deque()
         self._calls: dict[Any, tuple[float, float, Any, Then]] = {}
         """The futures of services that have not answered.
 
-        Each has its time limit, when it is given up, its client, and what follows.
+        Each has its time limit, the time at which it is dropped, its client, and its callback.
         """
         self._context = _rclpy.Context()
-        # Nothing is logged to the terminal, which is the console's screen.
+        # No log goes to the terminal, which is the console's screen.
         arguments = ["--ros-args", "--disable-stdout-logs", "--disable-rosout-logs"]
         signals = _rclpy.SignalHandlerOptions.NO
         _rclpy.init(
@@ -84,7 +84,7 @@ class RosNode:
         self._executor.add_node(self.node)
         self._wake = self.node.create_guard_condition(lambda: None)
         self.servers: dict[str, int] = {}
-        """The number of servers of each action `NavigateToPose` in the domain."""
+        """The number of servers of each action of the type `NavigateToPose` in the domain."""
         self.services: frozenset[str] = frozenset()
         """The names of all services in the domain."""
 
@@ -94,21 +94,21 @@ class RosNode:
         self._thread.start()
 
     def post(self, work: Callable[[], object]) -> None:
-        """Let the thread do `work` before anything else; returns at once."""
+        """Let the thread call `work` as soon as possible; returns at once."""
         self._work.append(work)
         self._wake.trigger()
 
     def listen(
         self, topic: str, kind: str, take: Then, *, kept: bool = False, depth: int = 50
     ) -> None:
-        """Subscribe to a topic; of one that is `kept`, the last message comes at once.
+        """Subscribe to a topic; `kept` topics deliver their last message at once.
 
-        Of messages that come too fast, the last `depth` are taken.
+        If messages arrive too fast, only the last `depth` messages are processed.
         """
         reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
         durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
         profile = _qos.QoSProfile(depth=depth, reliability=reliable, durability=durable)
-        # Without its default handlers, each of which makes every wait of the executor longer.
+        # Each default event handler would make every wait of the executor longer.
         events = _events.SubscriptionEventCallbacks(use_default_callbacks=False)
         self.node.create_subscription(
             _interface(kind), topic, take, profile, event_callbacks=events
@@ -117,9 +117,9 @@ class RosNode:
     def call(
         self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0
     ) -> None:
-        """Call a service; `then` gets the first answer, or None if there is none in time.
+        """Call a service; `then` gets the answer, or None if there is none within `limit_s`.
 
-        An answer that is at most `late_s` late follows that None.
+        After None, `then` still gets an answer that is at most `late_s` late.
         """
         future, until_s = client.call_async(request), monotonic() + limit_s
         self._calls[future] = (until_s, until_s + late_s, client, then)
@@ -178,7 +178,7 @@ class ManagedNode:
         self._node, self._service, self._client = node, f"{name}/get_state", None
 
     def ask(self, then: Callable[[str | None], None]) -> None:
-        """Ask for its state; `then` gets None if there is no such node, or no answer in time."""
+        """Request the state; `then` gets None if there is no such node or no answer in time."""
         if self._service not in self._node.services:
             then(None)
             return
@@ -190,7 +190,7 @@ class ManagedNode:
 
 
 class Nav2Server:
-    """The action server of a robot; `then` gets its answer later, None if it gives none in time."""
+    """The client of a robot's action server; `then` gets an answer, or None if there is none."""
 
     def __init__(self, node: RosNode, asset: str, entry: RobotEntry) -> None:
         self._node, self._frame = node, entry.map_frame
@@ -202,13 +202,13 @@ class Nav2Server:
 
     @property
     def servers(self) -> int:
-        """The number of action servers that have the name; more than one is a mistake."""
+        """The number of action servers with this name; more than one is a mistake."""
         return self._node.servers.get(self.action, 0) if self._goals.service_is_ready() else 0
 
     def go(
         self, goal_id: bytes, at: Planar, tree: str, then: Callable[[bool | None], None]
     ) -> None:
-        """Send a goal, a place on the robot's map; `then` learns whether it is accepted."""
+        """Send a goal, a place on the robot's map; `then` gets True if it is accepted."""
         request = _Impl.SendGoalService.Request()
         request.goal_id.uuid = list(goal_id)
         request.goal.behavior_tree, stamped = tree, request.goal.pose
@@ -230,7 +230,10 @@ class Nav2Server:
             self._node.call(other, request, CALL_S, lambda _: None)
 
     def ask(self, goal_id: bytes, then: Callable[[tuple[int, str] | None], None]) -> None:
-        """Ask for the state and the error of a goal, which come at its end or if it is unknown."""
+        """Request the state and the error of a goal.
+
+        The server answers when the goal ends, or at once if the goal is unknown.
+        """
         request = _Impl.GetResultService.Request()
         request.goal_id.uuid = list(goal_id)
         self._node.call(

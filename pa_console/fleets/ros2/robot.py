@@ -1,4 +1,4 @@
-"""One robot as its topics show it: what it reports, the states of its goals, and what it lacks."""
+"""One robot according to its topics: its reports, the states of its goals, and its readiness."""
 
 import math
 import time
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
     from pa_console.fleets.ros2.node import ManagedNode, Nav2Server, RosNode
 
 AHEAD_S = 2.0
-"""A time so far in the future is of a wrong clock; localization stamps up to a second ahead."""
+"""The largest accepted time in the future, in seconds; localization stamps up to a second ahead."""
 
 BEHIND_S = 60.0
-"""A time so long ago is of a wrong clock, or of a simulation's, seconds."""
+"""The age of a message, in seconds, from which the clock is reported as wrong or simulated."""
 
 QUIET_S = 10.0
-"""The same notice of a robot is not repeated before this time, seconds."""
+"""The least time between two equal notices about a robot, in seconds."""
 
 SILENT_S = 5.0
-"""A robot whose position has not come for so long is not ready, seconds."""
+"""The time without a position after which a robot is not ready, in seconds."""
 
 LOOK_S = 0.5
-"""The interval of looking what a robot lacks, seconds: a look at the graph takes its time."""
+"""The interval between checks of readiness, in seconds; a query of the ROS graph takes time."""
 
 ASK_S = 2.0
-"""The interval of asking a managed node for its state, seconds."""
+"""The interval between requests for the state of a managed node, in seconds."""
 
 GONE = "gone"
 TF, ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
@@ -44,7 +44,7 @@ POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
 def needed_messages(name: str, entry: RobotEntry) -> tuple[NeededMessage, ...]:
-    """Return the messages that the console needs from the robot that is the asset `name`."""
+    """Return the messages that the console needs from the robot with the asset's `name`."""
     where, full = "its place is unknown, and it is not shown", partial(entry.named, name)
     place = {
         "tf": (
@@ -67,7 +67,7 @@ def needed_messages(name: str, entry: RobotEntry) -> tuple[NeededMessage, ...]:
 
 
 class Robot:
-    """What is known of a robot; all on the thread of the node."""
+    """The state of one robot; all members are called on the thread of the node."""
 
     def __init__(
         self, name: str, site: RobotSite, server: "Nav2Server", tell: Callable[[LinkNews], None]
@@ -89,7 +89,7 @@ class Robot:
         self._told: dict[str, float] = {}
 
     def listen(self, node: "RosNode", managed: "Callable[[RosNode, str], ManagedNode]") -> None:
-        """Subscribe to its topics; `managed` returns a managed node by its full name."""
+        """Subscribe to the robot's topics; `managed` returns a managed node by its full name."""
         entry = self._entry
         self._managed = {each: managed(node, entry.named(self.name, each)) for each in entry.nodes}
         status, states = f"{entry.action}/_action/status", "action_msgs/msg/GoalStatusArray"
@@ -110,7 +110,7 @@ class Robot:
                 node.listen(full, kind, partial(self._take, full, take), kept=kept)
 
     def step(self) -> None:
-        """Do what is due."""
+        """Check the readiness, request the states of managed nodes, and step the navigator."""
         now_s = time.monotonic()
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
@@ -124,10 +124,10 @@ class Robot:
         self.navigator.step()
 
     def _count_servers(self) -> None:
-        """Tell of an action server that has come, gone, or is not alone."""
+        """Report an action server that has appeared or disappeared, and duplicate servers."""
         before, self._servers = self._servers, self.server.servers
         action = self.server.action
-        if self._servers < before:  # the goals of a server that is gone are over
+        if self._servers < before:  # the goals of a server end with it
             self.navigator.see_states({})
         if self._servers > max(before, 1):
             text = f"{self._servers} action servers are called {action}: nothing but a hold is sent"
@@ -138,12 +138,15 @@ class Robot:
             self._say("info", f"its action server {action} is there")
 
     def _see_state(self, name: str, state: str | None) -> None:
-        """Take in the state of a managed node; one that never answers is none of the robot's."""
+        """Store the state of a managed node; a robot without the node never answers."""
         if state is not None or name in self._states:
             self._states[name] = state or GONE
 
     def _lacks(self, now_s: float) -> Iterator[str]:
-        """Yield why the robot cannot start; one of which nothing comes is lost, not unready."""
+        """Yield the reasons why the robot cannot start.
+
+        A robot without any sign of life yields none, because it is lost and not unready.
+        """
         watch, place, since_s = self._watch, self.localization.place, now_s - SILENT_S
         shared = self._entry.named(self.name, self._entry.tf)  # other robots' transforms, too
         heard = any(watch.last_s(n.name) > since_s for n in watch.needed if n.name != shared)
@@ -159,7 +162,7 @@ class Robot:
         yield from (f"{node} is {s}" for node, s in self._states.items() if s != ACTIVE_STATE)
 
     def examine(self) -> Iterator[LinkFinding]:
-        """Yield what comes from the robot, what is missing, and what brings it."""
+        """Yield findings about the robot: readiness, action servers, messages, place, nodes."""
         yield self.readiness.finding
         servers, action = self.server.servers, self.server.action
         alone = LinkFinding(self.name, action, count(servers, "action server"))
@@ -174,7 +177,7 @@ class Robot:
             yield managed.unless(state == ACTIVE_STATE, ACTIVE_STATE, "it starts nothing")
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
-        """Take in one message; one that is not believed is reported, and changes nothing."""
+        """Process one message; an invalid message is reported and otherwise ignored."""
         try:
             take(message)
         except UnreadableError as error:
@@ -215,7 +218,10 @@ class Robot:
         self._report()
 
     def _stamped(self, pose: Stamped) -> Stamped:
-        """Return `pose` with the time that it counts as, seconds (UTC)."""
+        """Return `pose` with the time to use for it, in seconds (UTC).
+
+        Raises UnreadableError if its clock is ahead by more than AHEAD_S.
+        """
         now = time.time()
         if self._entry.clock == "arrival":
             return pose._replace(stamp=now)
@@ -227,7 +233,7 @@ class Robot:
         return pose
 
     def _report(self) -> None:
-        """Report where the robot is, every telemetry period or so of its own time."""
+        """Report the robot's state about once in each telemetry period of its own clock."""
         place = self.localization.place
         if place is None:
             return
@@ -237,7 +243,7 @@ class Robot:
         pose = self._site.fit.to_world(place.pose)
         arrived_s = min(place.arrived_s, self._speed_s)
         self.navigator.seen = Seen((pose.x, pose.y), self._speed_mps, arrived_s)
-        # A report that is a little early is one of the next period; to wait would skip that.
+        # A report may be a little early. To wait for a full period would skip every other report.
         if place.stamp - self._reported_stamp < 0.9 * self._site.world.telemetry_period_s:
             return
         self._reported_stamp = place.stamp
@@ -258,7 +264,7 @@ class Robot:
         self.navigator.reported(place.arrived_s)
 
     def _say(self, level: Level, text: str, about: str = "") -> None:
-        """Give a notice; one about the same thing is given seldom."""
+        """Emit a notice, unless one about the same subject was emitted within QUIET_S."""
         now_s = time.monotonic()
         if now_s - self._told.get(about or text, -math.inf) >= QUIET_S:
             self._told[about or text] = now_s

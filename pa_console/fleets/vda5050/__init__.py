@@ -1,1 +1,1 @@
-"""VDA 5050, version 3: fleets on a message bus, and the simulated site that is such a fleet."""
+"""Fleets on a message bus with VDA 5050, version 3, and the simulated site on such a bus."""

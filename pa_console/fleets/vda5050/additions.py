@@ -1,10 +1,11 @@
-"""The additions to the standard: detections, a simulated site, trust, and shared sessions.
+"""The console's additions to the standard: detections, simulated sites, trust and shared sessions.
 
-Detections go to `<interface>/v3/<manufacturer>/<name>/detections`, from robots and from cameras. A
-simulated site describes itself on `site`, as `pa-console`/`site`, and takes `incident` and `clock`.
-The members of a site and the station in command are retained as `pa-console`/`trust`. A station
-publishes the records of its log on `<interface>/v3/pa-console/<station>/records`; consoles that
-have joined it send `recordsAsked`, `countersignature` and `stopAsked` to the same station.
+Robots and cameras publish detections on `<interface>/v3/<manufacturer>/<name>/detections`. A
+simulated site has the identity `pa-console`/`site`; it publishes its description on `site` and
+receives `incident` and `clock`. The roster, the revoked keys and the takeover are retained under
+the identity `pa-console`/`trust`. A station publishes the records of its log on
+`<interface>/v3/pa-console/<station>/records`. Joined consoles send `recordsAsked`,
+`countersignature` and `stopAsked` to the same station.
 """
 
 import base64
@@ -35,17 +36,22 @@ from pa_console.schema.telemetry import Intent, Weather
 MANUFACTURER = "pa-console"
 SITE = Identity(MANUFACTURER, "site")
 TRUST = Identity(MANUFACTURER, "trust")
-"""The identity of signed messages: their signature counts, not their publisher."""
+"""The identity of signed messages, which are trusted by signature, not by publisher."""
+
+MOST_UNPACKED = 4 << 20
+"""The largest size of the records in one message, in bytes."""
 
 Metres = Annotated[float, Field(ge=0.0, le=1e5)]
+_Packed = Annotated[str, StringConstraints(max_length=MOST_BYTES)]
+_Signed = Annotated[str, StringConstraints(max_length=65_536)]
 
 
 class SeenContact(Wire):
-    """One detection of a vehicle or person that is not ours.
+    """One detection of a vehicle or person outside the team.
 
-    `signature` is the same for all detections of one contact. Without `x` and `y` the sensor only
-    repeats earlier findings; `sigma_m` is the error of one axis, metres. `warned_s` is the time
-    since the contact was warned.
+    `signature` is the same in all detections of one contact. Without `x` and `y`, the sensor only
+    repeats earlier findings. `sigma_m` is the standard deviation along one axis, in metres.
+    `warned_s` is the time since the contact was warned, in seconds.
     """
 
     signature: Id
@@ -60,7 +66,7 @@ class SeenContact(Wire):
     warned_s: Metres | None = None
 
     def report(self) -> ContactReport:
-        """Return it as the picture takes it in."""
+        """Return the detection in the form that the picture processes."""
         return ContactReport(
             signature=self.signature,
             kind=self.kind,
@@ -75,7 +81,7 @@ class SeenContact(Wire):
 
 
 class SeenRobot(Wire):
-    """A robot of the team that a sensor recognises, where it sees it."""
+    """A robot of the team that a sensor recognises, with its observed position."""
 
     name: Name
     x: Finite
@@ -83,7 +89,7 @@ class SeenRobot(Wire):
 
 
 class Detections(Header):
-    """The detections of one sensor; `works` is False for a camera that is out of order."""
+    """The detections of one sensor; `works` is False if the sensor is a camera out of order."""
 
     TOPIC: ClassVar[str] = "detections"
     works: bool = True
@@ -91,7 +97,7 @@ class Detections(Header):
     team: Items[SeenRobot] = Field(default=(), max_length=MOST_ITEMS)
 
     def report(self) -> SensorReport:
-        """Return it as the picture takes it in."""
+        """Return the detections in the form that the picture processes."""
         return SensorReport(
             sensor=self.serial_number,
             sent=self.timestamp,
@@ -104,8 +110,8 @@ class Detections(Header):
 class SiteDescription(Header):
     """The description of a simulated site: the hash of its world file, and its clock.
 
-    With `paced` by the station it stands still until a `clock` message moves it on. `epoch` is when
-    its clock began, and `rate` the number of its seconds that pass in one.
+    A `paced` site advances only when a `clock` message of the station allows it. `rate` is the
+    number of seconds that pass at the site in one real second.
     """
 
     TOPIC: ClassVar[str] = "site"
@@ -122,8 +128,9 @@ class SiteDescription(Header):
 class ClockMessage(Header):
     """The permission for a paced site to advance to `tick`, after the messages in `after`.
 
-    `after` counts each robot's messages on its topics, so that none is overtaken. The site answers
-    in the same way on `clockDone`, once it has sent everything.
+    `after` has the number of the last message on each topic of a robot, so that the site can wait
+    for delayed messages. Once the site has sent everything, it answers in the same form on
+    `clockDone`.
     """
 
     TOPIC: ClassVar[str] = "clock"
@@ -132,13 +139,16 @@ class ClockMessage(Header):
 
 
 class ClockDone(ClockMessage):
-    """The site has gone on to `tick`; `after` counts the messages of each robot and camera."""
+    """The confirmation that the site has advanced to `tick`.
+
+    `after` has the number of the last message on each topic of a robot or camera.
+    """
 
     TOPIC: ClassVar[str] = "clockDone"
 
 
 class IncidentMessage(Header):
-    """The station lets something happen in a simulated site; `incident` is an Incident as JSON."""
+    """The station's request for an incident at a simulated site, an Incident as JSON."""
 
     TOPIC: ClassVar[str] = "incident"
     number: Count
@@ -146,7 +156,7 @@ class IncidentMessage(Header):
 
 
 class IncidentDone(Header):
-    """The result of an incident; `problem` is why it could not happen, "" if it did."""
+    """The result of an incident; `problem` is the reason if it could not happen, else ""."""
 
     TOPIC: ClassVar[str] = "incidentDone"
     number: Count
@@ -155,14 +165,14 @@ class IncidentDone(Header):
 
 
 class ScenarioNews(Header):
-    """An event of a site's scenario, or a skipped one, as JSON for the session log."""
+    """An event of a site's scenario, or a notice of a skipped one, as JSON for the session log."""
 
     TOPIC: ClassVar[str] = "told"
     event: Text
 
 
 class SignedMessage(Header):
-    """A message signed by a member of the site, a JWT; retained, the newest of its kind."""
+    """A JWT signed by a member of the site; the bus retains the newest of each kind."""
 
     message: Annotated[str, StringConstraints(max_length=65_536)]
 
@@ -174,7 +184,7 @@ class SignedRoster(SignedMessage):
 
 
 class SignedRevocation(SignedMessage):
-    """The revoked keys, signed by the owner of the site."""
+    """The revoked keys, signed by the site's owner."""
 
     TOPIC: ClassVar[str] = "revocation"
 
@@ -186,19 +196,13 @@ class SignedTakeover(SignedMessage):
 
 
 SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, SignedTakeover)
-"""The signed messages, each after the ones that verify it."""
-
-MOST_UNPACKED = 4 << 20
-"""The largest size of the records in one message, bytes."""
-
-_Packed = Annotated[str, StringConstraints(max_length=MOST_BYTES)]
-_Signed = Annotated[str, StringConstraints(max_length=65_536)]
+"""The kinds of signed messages, each after the kinds that are needed to verify it."""
 
 
 class SessionRecords(Header):
-    """Records of a session log, one after another, for which the station vouches.
+    """Consecutive records of a session log, for which the station vouches.
 
-    `packed` are their lines, each with its end, as zlib data in base64. `signature` is a JWT by the
+    `packed` is their lines with line ends, as zlib data in base64. `signature` is a JWT of the
     station.
     """
 
@@ -210,7 +214,7 @@ class SessionRecords(Header):
     signature: _Signed
 
     def lines(self) -> list[bytes]:
-        """Return the lines without their ends; raises UnreadableError for what holds none."""
+        """Return the lines without line ends; raises UnreadableError if `packed` is not valid."""
         unpacking = zlib.decompressobj()
         try:
             lines = unpacking.decompress(
@@ -224,7 +228,7 @@ class SessionRecords(Header):
 
 
 def pack(lines: bytes) -> str:
-    """Return whole lines as `SessionRecords.packed`."""
+    """Return complete lines in the form of `SessionRecords.packed`."""
     return base64.b64encode(zlib.compress(lines, 1)).decode()
 
 
@@ -237,7 +241,7 @@ class RecordsAsked(Header):
 
 
 class Countersignature(Header):
-    """A second person approves the plan that waits at a station; `approval` is the signed JWT."""
+    """A second person's approval of the plan that waits at a station, a signed JWT."""
 
     TOPIC: ClassVar[str] = "countersignature"
     session: Id

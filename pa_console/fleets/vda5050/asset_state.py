@@ -1,4 +1,4 @@
-"""An asset's report as the state of a robot, and the state of a robot as an asset's report."""
+"""The conversion between the telemetry of an asset and the state message of a robot."""
 
 import math
 from collections.abc import Mapping
@@ -29,12 +29,12 @@ from pa_console.sim.worlds.terrain import Terrain
 BROKEN, IMPAIRED, TASK = "BROKEN_DOWN", "IMPAIRED", "task"
 TASKS: Mapping[str, Task] = {task: task for task in get_args(Task)}
 MANUAL = frozenset(("MANUAL", "INTERVENED", "TEACH_IN"))
-"""The operating modes in which a person drives the robot: it takes no orders of the fleet."""
+"""The operating modes in which a person drives the robot and it accepts no orders."""
 _DOING: Mapping[str, Task] = {
     **{verb: spec.task for verb, spec in COMMANDS.items() if spec.contact and spec.task},
     "return_to_base": "returning",
 }
-"""The task of a robot that stands, by the action that it is at."""
+"""The task of a robot that has stopped, by its current action."""
 
 
 def state_of(
@@ -44,7 +44,7 @@ def state_of(
     sent: datetime,
     zone_sets: tuple[KnownZoneSet, ...] = (),
 ) -> RobotState:
-    """Return the state of `vehicle` from its own report `said` at `sent` (UTC)."""
+    """Return the state message of `vehicle`, from its own report `said`, sent at `sent` (UTC)."""
     nodes, edges = vehicle.way_ahead()
     errors = list(vehicle.errors)
     if said.status == "failed":
@@ -92,9 +92,9 @@ def state_of(
 def telemetry_of(
     state: RobotState, name: str, kind: AssetKind, terrain: Terrain, stamp_s: float
 ) -> AssetTelemetry | None:
-    """Return the telemetry in `state` of the asset `name`, as of `stamp_s` on the station's clock.
+    """Return the telemetry of the asset `name` in `state`, as of `stamp_s` on the station's clock.
 
-    None when the robot does not know its place, or is on a map that we do not have.
+    Returns None if the robot has no valid position.
     """
     place = state.mobile_robot_position
     if place is None or not place.localized:
@@ -141,13 +141,13 @@ def _status(state: RobotState) -> AssetStatus:
 
 
 def _post(state: RobotState, terrain: Terrain) -> str | None:
-    """Return the frame that the robot is at, or is going to, None for none of ours."""
+    """Return the frame where the robot is or to which it goes; None if it is not in the world."""
     name = state.node_states[-1].node_id if state.node_states else state.last_node_id
     return name if name in terrain.world.frames else None
 
 
 def _task(state: RobotState, running: ActionState | None) -> Task:
-    """Return what the robot does: in its own words if it has some, else what its state shows."""
+    """Return the robot's task: the one that it reports, else the one that its state implies."""
     for info in state.information:
         task = TASKS.get(info.info_descriptor or "") if info.info_type == TASK else None
         if task is not None:
@@ -161,7 +161,7 @@ def _task(state: RobotState, running: ActionState | None) -> Task:
 
 
 def _route(state: RobotState) -> tuple[Point, ...]:
-    """Return the waypoints ahead: the planned path without its beginning, or the nodes ahead."""
+    """Return the remaining waypoints: the planned path without its first point, or the nodes."""
     path = state.planned_path.trajectory if state.planned_path is not None else None
     if path is not None and path.degree == 1:
         return tuple((point.x, point.y) for point in path.control_points[1:])

@@ -1,8 +1,8 @@
 """The broker of a site: its address, the certificates of its clients, and a connection to it.
 
-A connection is made again whenever it breaks; nothing waits for it. What cannot be sent at once is
-not sent: an order that goes out late is worse than one that does not. The sender has to see from
-the answers whether a message arrived, and to send again.
+A broken connection is made again, without any wait for it. A message that cannot be sent at once is
+dropped, because a late order is worse than none. The sender finds out from the answers whether a
+message arrived, and sends it again if necessary.
 """
 
 import asyncio
@@ -31,23 +31,56 @@ INTERFACE = "vda5050"
 CA_FILE = "ca.crt"
 FORM = "mqtts://HOST[:PORT][/SITE]"
 NUMBERS = ("", "-2", "-3")
-"""The endings of the certificates that one machine has for a role, such as `station` and
-`station-2`: a console, a script beside it, and a verb of `keys` beside both."""
+"""The suffixes of the certificates that one machine has for a role: `station`, `station-2` etc.
+
+Three programs can connect at the same time: a console, a script, and a `keys` command.
+"""
+
+KEEPALIVE_S = 5
+FIRST_RETRY_S, LAST_RETRY_S = 0.1, 1.0
+"""The first and the longest wait before a new attempt to connect, in seconds."""
+
+CONNECT_S = 5.0
+MOST_QUEUED = 2_000
+"""The longest queue of received messages; `heard` empties it at once."""
+
+LOOPBACK = "127.0.0.1"
+_CONFIGURATION = """\
+id = 0
+[router]
+id = 0
+max_connections = 2100
+max_outgoing_packet_count = 200
+max_segment_size = 104857600
+max_segment_count = 10
+[v5.1]
+name = "v5"
+listen = "{host}:{port}"
+next_connection_delay_ms = 1
+    [v5.1.connections]
+    connection_timeout_ms = 5000
+    max_payload_size = 1048576
+    max_inflight_count = 200
+    dynamic_filters = true
+"""
 
 
 @dataclass(frozen=True)
 class Credentials:
-    """A certificate, its key, and the certificate of the authority that signed the broker's."""
+    """A certificate, its key, and the certificate of the authority of the broker's certificate."""
 
     ca: Path
     certificate: Path
     key: Path
     claimed: BinaryIO | None = field(default=None, compare=False, repr=False)
-    """The file of the key, which no other program of this machine claims while it is open."""
+    """The open file of the key, with a lock against other programs of this machine."""
 
     @classmethod
     def of(cls, folder: Path, name: str) -> Self:
-        """Return those of `name` in a folder that `site init` made; raises ValueError."""
+        """Return the credentials of `name` in `folder`, which `site init` makes.
+
+        Raises ValueError if a file is missing.
+        """
         found = cls(folder / CA_FILE, folder / f"{name}.crt", folder / f"{name}.key")
         for path in (found.ca, found.certificate, found.key):
             if not path.is_file():
@@ -58,10 +91,11 @@ class Credentials:
 
     @classmethod
     def claim(cls, folder: Path, role: str) -> Self:
-        """Return those of `role` in a folder that no other program of this machine uses.
+        """Return credentials of `role` in `folder` that no other program of this machine uses.
 
-        The broker lets one connection in by each certificate: a second one would end the first,
-        and with it that program's stops. Raises ValueError when there are none, or none is free.
+        The broker accepts only one connection with each certificate. A second connection would end
+        the first, and the stops of that program would be lost. Raises ValueError if there are no
+        credentials or none are free.
         """
         alike = [f"{role}{number}" for number in NUMBERS]
         names = [name for name in alike if (folder / f"{name}.crt").is_file()]
@@ -77,12 +111,12 @@ class Credentials:
         )
 
     def release(self) -> None:
-        """Let other programs of this machine use them."""
+        """Allow other programs of this machine to use these credentials."""
         if self.claimed is not None:
             self.claimed.close()
 
     def context(self) -> ssl.SSLContext:
-        """Return how a client with these speaks TLS; raises ValueError for files that do not."""
+        """Return the TLS context of a client; raises ValueError if a file is not valid."""
         try:
             context = ssl.create_default_context(cafile=str(self.ca))
             context.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -94,7 +128,7 @@ class Credentials:
 
 @dataclass(frozen=True)
 class BrokerAddress:
-    """A broker and the site on it; a site's name is the first part of all its topics."""
+    """A broker and a site on it; the name of the site is the first part of all its topics."""
 
     host: str
     port: int
@@ -103,9 +137,10 @@ class BrokerAddress:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Parse `mqtts://host:8883/site`; raises ValueError that describes the problem.
+        """Return the address in a text such as `mqtts://host:8883/site`.
 
-        Without encryption, only this machine is allowed.
+        Raises ValueError with the problem if it is not valid. Without encryption, only this machine
+        is allowed.
         """
         parts, host, port = server_address(text, PORTS, "a broker", FORM)
         if parts.query or parts.fragment or parts.username or parts.password:
@@ -126,44 +161,41 @@ class BrokerAddress:
 
 
 def _lock(key: Path) -> BinaryIO | None:
-    """Return the file of a key, locked until it is closed; BlockingIOError when another has it."""
+    """Return the file of a key, locked until it is closed; raises BlockingIOError if in use."""
     try:
         file = key.open("rb")
-    except OSError:  # `context` has the reason
+    except OSError:  # `context` will raise ValueError with the reason
         return None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
         raise
-    except OSError:  # a disk without locks: there the broker alone keeps programs apart
+    except OSError:  # a disk without locks; only the broker prevents a second connection
         pass
     return file
 
 
-KEEPALIVE_S = 5
-FIRST_RETRY_S, LAST_RETRY_S = 0.1, 1.0
-CONNECT_S = 5.0
-MOST_QUEUED = 2_000
-"""The longest queue of received messages; `heard` empties it at once."""
-
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
 QUIET.propagate = False
-"""The library's lines would be written over the screen; the important ones are reported anyway."""
+"""A log that goes nowhere, because the library would write over the screen.
+
+`BusClient.changed` reports the important events.
+"""
 
 
 def say_nothing(_loop: asyncio.AbstractEventLoop, _context: dict[str, Any]) -> None:
-    """Ignore a broken connection, which the client reports anyway.
+    """Ignore an error of the event loop.
 
-    The library still watches the socket of a connection that is gone, and the event loop would
-    print that over the screen.
+    The library still watches the socket of a broken connection, and the event loop would print an
+    error over the screen. The client reports the broken connection itself.
     """
 
 
 @dataclass(frozen=True)
 class IncomingMessage:
-    """A message as the broker delivered it; `retained`: it is from before one asked for it."""
+    """A message from the broker; `retained` is True if it is older than the subscription."""
 
     topic: str
     payload: bytes
@@ -172,7 +204,7 @@ class IncomingMessage:
 
 @dataclass(frozen=True)
 class OutgoingMessage:
-    """A message to be sent; the broker drops it after `expiry_s` seconds."""
+    """A message to send; the broker drops it after `expiry_s` seconds."""
 
     topic: str
     payload: bytes
@@ -185,10 +217,9 @@ class OutgoingMessage:
 class BusClient:
     """One connection to the broker under the client id `name`.
 
-    It subscribes to `topics` and leaves `will` when the connection breaks.
-
-    `heard` gets every message, `changed` the state of the connection and the reason for a missing
-    one. Everything happens in the event loop that runs it.
+    The client subscribes to `topics`. The broker publishes `will` if the connection breaks. `heard`
+    gets every message; `changed` gets the state of the connection, and the reason if there is none.
+    All calls happen in the event loop of `run`.
     """
 
     address: BrokerAddress
@@ -199,7 +230,7 @@ class BusClient:
     will: Callable[[], OutgoingMessage] | None = None
     credentials: Credentials | None = None
     problem: str = "not connected yet"
-    """The reason why there is no connection, "" while there is one."""
+    """The reason why there is no connection; "" while there is one."""
     _client: "Client | None" = None
     _sending: set[asyncio.Task[None]] = field(default_factory=set[asyncio.Task[None]])
 
@@ -209,7 +240,7 @@ class BusClient:
         return self._client is not None
 
     async def run(self) -> None:
-        """Stay connected until cancelled; then another program may use the certificate."""
+        """Stay connected until cancelled; then release the certificate for other programs."""
         try:
             await self._stay_connected()
         finally:
@@ -217,7 +248,7 @@ class BusClient:
                 self.credentials.release()
 
     async def _stay_connected(self) -> None:
-        from aiomqtt import MqttError  # noqa: PLC0415 - a console without a bus needs none
+        from aiomqtt import MqttError  # noqa: PLC0415 - not needed without a bus
 
         retry_s = FIRST_RETRY_S
         while True:
@@ -249,7 +280,7 @@ class BusClient:
         return True
 
     async def sent(self) -> None:
-        """Wait until all messages are sent, or cannot be sent any more."""
+        """Wait until all messages are sent or have failed."""
         while self._sending:
             await asyncio.wait(tuple(self._sending))
 
@@ -292,33 +323,12 @@ class BusClient:
         )
 
 
-LOOPBACK = "127.0.0.1"
-_CONFIGURATION = """\
-id = 0
-[router]
-id = 0
-max_connections = 2100
-max_outgoing_packet_count = 200
-max_segment_size = 104857600
-max_segment_count = 10
-[v5.1]
-name = "v5"
-listen = "{host}:{port}"
-next_connection_delay_ms = 1
-    [v5.1.connections]
-    connection_timeout_ms = 5000
-    max_payload_size = 1048576
-    max_inflight_count = 200
-    dynamic_filters = true
-"""
-
-
 @contextmanager
 def run_broker(port: int) -> Generator[None]:
-    """Run an MQTT 5 broker on a `port` of this machine while the block lasts.
+    """Run an MQTT 5 broker on a `port` of this machine until the block ends.
 
-    Raises ValueError without its library, or when the port is taken. It has no certificates, so
-    only this machine can reach it.
+    The broker has no certificates, so only this machine can reach it. Raises ValueError if its
+    library is missing or the port is in use.
     """
     try:
         from iotcore import Broker  # noqa: PLC0415 - an extra

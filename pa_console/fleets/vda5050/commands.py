@@ -1,4 +1,4 @@
-"""Commands as orders and instant actions, and what each robot on the bus answers to them."""
+"""The conversion of commands to orders and instant actions, and the robots' answers to them."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
@@ -23,6 +23,10 @@ from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, ReplyStatus
 from pa_console.schema.world import World
 
 START = "start"
+"""The id of the first node of an order if the robot has not reported one."""
+
+MOST_ASKED = 512
+"""The number of recent commands of a robot whose answers are tracked."""
 
 
 class RobotAnswer(NamedTuple):
@@ -33,12 +37,12 @@ class RobotAnswer(NamedTuple):
 
 
 def is_order(command: DeviceCommand) -> bool:
-    """Return whether a command makes a robot move, so that it goes as an order."""
+    """Return whether a command moves a robot, and is therefore sent as an order."""
     return command.verb not in ("hold", "report")
 
 
 def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[RobotAction, ...]:
-    """Return the instant actions of `hold`, which are two, and of `report`."""
+    """Return the instant actions for `hold` (pause and cancel) or `report`."""
     if command.verb == "hold":
         return (
             _action(command.command_id, PAUSE, "NONE"),
@@ -48,12 +52,12 @@ def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[RobotAct
 
 
 def cancel_before(command: DeviceCommand) -> RobotAction:
-    """Return what ends a robot's running order, which it does not drop by itself for `command`."""
+    """Return the action that cancels a robot's current order before `command` can be sent."""
     return _action(f"{command.command_id}.before", CANCEL, "NONE")
 
 
 def resume_for(command: DeviceCommand) -> RobotAction:
-    """Return what ends a robot's pause, so that it can carry `command` out."""
+    """Return the action that ends a robot's pause, so that it can carry out `command`."""
     return _action(f"{command.command_id}.resume", RESUME, "NONE")
 
 
@@ -62,7 +66,8 @@ def order_of(
 ) -> tuple[tuple[Node, ...], tuple[Edge, ...]]:
     """Return the nodes and edges of an order, from the robot's position `at` to the command's goal.
 
-    `node_id` is its last reported node. Without a position, the goal is the only node.
+    `node_id` is the last node that the robot reported. Without a position, the goal is the only
+    node.
     """
     goal = command.target or world.base
     action = _action(command.command_id, command.verb, "HARD", _parameters(command.target, token))
@@ -84,10 +89,10 @@ def order_of(
 
 
 def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | None:
-    """Return the answer to a command in `state`, None when it does not mention the command.
+    """Return the answer to a command in `state`; None if the state does not mention the command.
 
-    A hold has ended when the pause has begun, no order is left, and this very state shows that the
-    robot stands: an acknowledgement alone never ends one.
+    A hold is done when the pause has begun, no order is left, and this same state shows that the
+    robot has stopped. An acknowledgement alone is not enough.
     """
     for error in reversed(state.errors):
         if error.refers_to(command_id) and error.error_level == "WARNING":
@@ -112,7 +117,7 @@ def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | No
 
 
 def _left_of_hold(command_id: str, state: RobotState) -> str | None:
-    """Return what keeps a robot that has paused from holding, None once it stands."""
+    """Return why the hold of a paused robot is not done yet; None once it is."""
     cancelled = _find(state.instant_action_states, f"{command_id}.cancel")
     if cancelled is not None and cancelled.action_status not in ENDED:
         return "its order is being cancelled"
@@ -148,12 +153,9 @@ def _position(at: Point | None) -> Position | None:
     return None if at is None else Position(x=at[0], y=at[1])
 
 
-MOST_ASKED = 512
-
-
 @dataclass(frozen=True)
 class _PendingCommand:
-    """A command as the station knows it, and what its robot answered last."""
+    """A command of the station, and the last answer of its robot."""
 
     command: DeviceCommand
     said: RobotAnswer | None = None
@@ -161,24 +163,24 @@ class _PendingCommand:
 
 @dataclass
 class Robot:
-    """One robot of the fleet; `name` is its serial number and its name in the world."""
+    """One robot of the fleet; `name` is both its serial number and its name in the world."""
 
     identity: Identity
     factsheet: Factsheet | None = None
     connection: ConnectionState = "OFFLINE"
     state: RobotState | None = None
     held: bool = False
-    """True if the robot got a hold after its last order."""
+    """True if the robot has had a hold since its last order."""
     waiting: DeviceCommand | None = None
-    """An order that goes out once its running one is cancelled."""
+    """An order that is sent once the current order is cancelled."""
     asked: OrderedDict[str, _PendingCommand] = field(
         default_factory=OrderedDict[str, _PendingCommand]
     )
-    """Commands sent, by action id on the wire."""
+    """The commands that were sent, by action id on the bus."""
 
     @property
     def name(self) -> str:
-        """The name of the asset that it is."""
+        """The name of the asset."""
         return self.identity.serial_number
 
     @property
@@ -190,7 +192,7 @@ class Robot:
         return running or bool(self.state.node_states)
 
     def cannot(self, command: DeviceCommand) -> str:
-        """Return why it cannot carry out `command` by its own factsheet, "" when it can."""
+        """Return why the robot's factsheet excludes `command`; "" if it does not."""
         if command.verb == "hold" or self.factsheet is None:
             return ""
         if self.factsheet.offers(command.verb):
@@ -198,19 +200,19 @@ class Robot:
         return f"its factsheet does not offer {command.verb}"
 
     def ask(self, action_id: str, command: DeviceCommand) -> None:
-        """Note that `command` goes out as `action_id`; a repeated one is answered anew."""
+        """Record that `command` is sent as `action_id`; a repeated one gets a new answer."""
         self.asked[action_id] = _PendingCommand(command)
         self.asked.move_to_end(action_id)
         if len(self.asked) > MOST_ASKED:
             self.asked.popitem(last=False)
 
     def command_id(self, action_id: str | None) -> str | None:
-        """Return the id of the command that went out as `action_id`, or an unknown one itself."""
+        """Return the id of the command that was sent as `action_id`; an unknown id unchanged."""
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 
     def answers(self, state: RobotState) -> Iterator[tuple[DeviceCommand, RobotAnswer]]:
-        """Take in `state`; yield what is new in it of the commands that were sent."""
+        """Store `state`; yield each command that was sent with its new answer in `state`."""
         self.state = state
         for action_id, asked in list(self.asked.items()):
             if asked.said is not None and asked.said.status in FINAL_REPLIES:

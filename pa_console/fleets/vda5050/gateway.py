@@ -1,4 +1,4 @@
-"""The bus clients of simulated assets and cameras, each with a factsheet and a last will."""
+"""The bus clients of simulated assets and cameras."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,6 +48,8 @@ from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import AssetKind, World
 
 AT_ONCE: tuple[str, ...] = (PAUSE, RESUME, CANCEL, "report")
+"""The instant actions that each simulated asset offers."""
+
 ACCELERATION_MPS2 = 1.0
 HEIGHT_M = 1.0
 
@@ -117,9 +119,9 @@ def _offered(action: str, scope: Scope) -> OfferedAction:
 
 @dataclass(frozen=True)
 class OnBus:
-    """The parts that all clients of a site share; `now` is the clock of the site (UTC).
+    """The parts that all clients of a site share.
 
-    `credentials` returns the certificates of a client name.
+    `now` is the clock of the site (UTC). `credentials` returns the credentials for a client name.
     """
 
     address: BrokerAddress
@@ -129,9 +131,10 @@ class OnBus:
 
 
 class Speaker:
-    """A client on the bus under a name of its own."""
+    """A client on the bus with its own name and last will."""
 
     HEARS: tuple[type[Header], ...] = ()
+    """The kinds of messages that the client receives."""
 
     def __init__(self, name: str, bus: OnBus) -> None:
         self.identity, self._site = Identity(MANUFACTURER, name), bus.address.site
@@ -151,23 +154,23 @@ class Speaker:
         self.client.send(OutgoingMessage(self._topic(message.TOPIC), message.write(), qos, retain))
 
     def header(self, topic: str, sent: datetime | None = None) -> dict[str, Any]:
-        """Return the header of the next message on `topic`, `sent` at that time or now."""
+        """Return the header of the next message on `topic`, with the time `sent` or now."""
         return self._numbers.header(self.identity, topic, sent or self._now())
 
     def connection(self, state: ConnectionState) -> RobotConnection:
-        """Return the message that reports the connection's state."""
+        """Return the message about the state of the connection."""
         return RobotConnection(**self.header(RobotConnection.TOPIC), connection_state=state)
 
     async def leave(self) -> None:
-        """Report a departure in good order."""
+        """Report the client as offline, and wait until the message is sent."""
         self.say(self.connection("OFFLINE"), qos=1, retain=True)
         await self.client.sent()
 
     def _arrived(self) -> None:
-        """React to a connection."""
+        """React to a new connection."""
 
     def _take(self, message: Header) -> None:
-        """Take in a message."""
+        """Process a message."""
 
     def _reject(self, topic: str, why: str) -> None:
         """React to a message that cannot be read."""
@@ -201,10 +204,10 @@ class Speaker:
 
 
 class Gateway(Speaker):
-    """The radio's end on the bus: it represents one asset with the asset's own reports.
+    """The bus client of one asset, with which it is connected by radio.
 
-    `forward` puts a command on the asset's radio link. A state never claims to be newer than the
-    asset's last report.
+    `forward` sends a command over the radio link. The states on the bus come from the asset's own
+    reports, and their time is that of the last report.
     """
 
     HEARS = (Order, InstantActions, ZoneSet)
@@ -227,7 +230,7 @@ class Gateway(Speaker):
         self._cut = False
 
     def report(self, said: AssetTelemetry, sent: datetime) -> None:
-        """Publish the asset's own report, as of `sent`."""
+        """Publish the asset's own report with the time `sent`, unless a newer one is known."""
         if self._said is not None and sent < self._said[1]:
             return
         self._said = (said, sent)
@@ -237,17 +240,17 @@ class Gateway(Speaker):
         self.tell()
 
     def cut(self) -> None:
-        """Report the asset's link as long broken."""
+        """Report the asset's link as broken."""
         self._cut = True
         self.say(self.connection("CONNECTION_BROKEN"), qos=1, retain=True)
 
     def hear(self, reply: CommandReply) -> None:
-        """Pass on what the asset answers."""
+        """Process a reply of the asset, and publish the state."""
         self.vehicle.hear(reply)
         self.tell()
 
     def tell(self) -> None:
-        """Publish the state, once the asset has ever reported."""
+        """Publish the state, if the asset has reported at least once."""
         if self._said is not None and self.client.connected:
             said, sent = self._said
             number = self.header("state", sent)["header_id"]

@@ -1,7 +1,7 @@
 """The messages of VDA 5050 3.0.0 that a station and its robots exchange.
 
-What the standard has beyond these fields (loads, trajectories to follow, requests for zones and
-edges) is neither sent nor read.
+Other fields of the standard (loads, trajectories to follow, requests for zones and edges) are
+neither sent nor read.
 """
 
 import math
@@ -12,19 +12,19 @@ from pydantic import Field, JsonValue
 from pa_console.fleets.vda5050.wire import MOST_ITEMS, Count, Finite, Header, Id, Items, Text, Wire
 
 Angle = Annotated[float, Field(ge=-3.1415926536, le=3.1415926536)]
-"""Radians; 0 east, a quarter turn north."""
+"""An angle in radians: 0 is east, a quarter turn is north."""
 Charge = Annotated[float, Field(ge=0.0, le=100.0)]
 STANDS_MPS = 0.05
-"""A robot that reports no more than this stands: measured speeds are never quite zero."""
+"""The speed up to which a robot counts as stopped, because measured speeds are never quite zero."""
 
 MAP = "site"
-"""The one map that every position is on."""
+"""The only map; all positions are on it."""
 
 ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"]
 
 
 class RobotConnection(Header):
-    """The connection of a robot to the bus; retained, and left as its last will."""
+    """The state of a robot's connection to the bus, retained and also sent as its last will."""
 
     TOPIC: ClassVar[str] = "connection"
     connection_state: ConnectionState
@@ -38,7 +38,7 @@ class ActionParameter(Wire):
 
 
 class RobotAction(Wire):
-    """One action of a robot, with its `action_type` and its `action_id`."""
+    """One action of a robot, identified by `action_id`."""
 
     action_id: Id
     action_type: Id
@@ -46,32 +46,32 @@ class RobotAction(Wire):
     action_parameters: Items[ActionParameter] = Field(default=(), max_length=32)
 
     def parameter(self, key: str) -> JsonValue:
-        """Return a parameter's value, None when the action has none of that name."""
+        """Return the value of a parameter; None if the action does not have it."""
         return next((item.value for item in self.action_parameters if item.key == key), None)
 
 
 class InstantActions(Header):
-    """Actions that a robot is to carry out as soon as they arrive."""
+    """Actions that a robot carries out as soon as they arrive."""
 
     TOPIC: ClassVar[str] = "instantActions"
     actions: Items[RobotAction] = Field(max_length=MOST_ITEMS)
 
 
 class ControlPoint(Wire):
-    """A point of a trajectory, or a corner of a zone, metres."""
+    """A point of a trajectory or a corner of a zone, in metres."""
 
     x: Finite
     y: Finite
 
 
 class Position(ControlPoint):
-    """A place on the map, metres."""
+    """A place on the map, in metres."""
 
     map_id: Id = MAP
 
 
 class NodeState(Wire):
-    """A node that a robot has still to pass."""
+    """A node that a robot has not reached yet."""
 
     node_id: Id
     sequence_id: Count
@@ -80,13 +80,13 @@ class NodeState(Wire):
 
 
 class Node(NodeState):
-    """A place on a robot's way, and the actions to carry out there."""
+    """A place on a robot's route, and the actions to carry out there."""
 
     actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class EdgeState(Wire):
-    """A way that a robot has still to go."""
+    """An edge that a robot has not traversed yet."""
 
     edge_id: Id
     sequence_id: Count
@@ -94,13 +94,13 @@ class EdgeState(Wire):
 
 
 class Edge(EdgeState):
-    """The way from one node to the next."""
+    """The connection from one node to the next."""
 
     actions: Items[RobotAction] = Field(default=(), max_length=MOST_ITEMS)
 
 
 class Order(Header):
-    """The way that a robot is to go; `order_id` makes it the same order when it comes again."""
+    """A route for a robot; a repeated order has the same `order_id`."""
 
     TOPIC: ClassVar[str] = "order"
     order_id: Id
@@ -124,20 +124,20 @@ class ActionState(Wire):
 
 
 class Trajectory(Wire):
-    """A way: of degree 1, straight from one point to the next."""
+    """A path; with degree 1, it is straight from each point to the next."""
 
     degree: Annotated[int, Field(ge=1, le=100)] = 1
     control_points: Items[ControlPoint] = Field(max_length=MOST_ITEMS)
 
 
 class PlannedPath(Wire):
-    """The way that a robot means to go, from where it is."""
+    """The path that a robot plans to take from its position."""
 
     trajectory: Trajectory
 
 
 class RobotPosition(ControlPoint):
-    """A robot's estimate of its place; reliable only if `localized`."""
+    """A robot's estimate of its position, which is reliable only if `localized`."""
 
     theta: Angle
     map_id: Id = MAP
@@ -145,21 +145,21 @@ class RobotPosition(ControlPoint):
 
 
 class Velocity(Wire):
-    """The velocity of a robot, metres a second, forward and to its left."""
+    """The velocity of a robot, forward and to its left, in metres per second."""
 
     vx: Finite | None = None
     vy: Finite | None = None
 
 
 class PowerSupply(Wire):
-    """A robot's battery, percent."""
+    """The state of a robot's battery, with its charge in percent."""
 
     state_of_charge: Charge
     charging: bool
 
 
 class InfoReference(Wire):
-    """The subject of an error or of an information."""
+    """The subject of an error, such as the id of an order."""
 
     reference_key: Id
     reference_value: Text
@@ -169,7 +169,7 @@ ErrorLevel = Literal["WARNING", "URGENT", "CRITICAL", "FATAL"]
 
 
 class Error(Wire):
-    """A fault of a robot, or the reason of a refusal (then a WARNING, with the id)."""
+    """A fault of a robot, or the reason for a refusal (a WARNING with the id of the action)."""
 
     error_type: Id
     error_level: ErrorLevel
@@ -177,12 +177,12 @@ class Error(Wire):
     error_description: Text | None = None
 
     def refers_to(self, value: str) -> bool:
-        """Return whether the error is about the order or action of this id."""
+        """Return whether the error is about the order or action with this id."""
         return any(reference.reference_value == value for reference in self.error_references)
 
 
 class Info(Wire):
-    """Further information of a robot; nothing may depend on it."""
+    """Further information from a robot, on which no behaviour may depend."""
 
     info_type: Id
     info_level: Literal["INFO", "DEBUG"] = "INFO"
@@ -205,7 +205,7 @@ class KnownZoneSet(Wire):
 
 
 class RobotState(Header):
-    """The whole state of a robot, reported when something changes and periodically."""
+    """The complete state of a robot, reported at each change and periodically."""
 
     TOPIC: ClassVar[str] = "state"
     order_id: Id
@@ -232,14 +232,14 @@ class RobotState(Header):
 
     @property
     def moves(self) -> bool:
-        """True if the robot drives, or has a speed, by its own report."""
+        """True if the robot reports that it drives or that it has a speed."""
         velocity = self.velocity or Velocity()
         speed_mps = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
         return self.driving or speed_mps > STANDS_MPS
 
 
 class VdaZone(Wire):
-    """An area with a meaning; BLOCKED: not to be entered."""
+    """An area that robots may not enter."""
 
     zone_id: Id
     zone_type: Literal["BLOCKED"]
@@ -255,7 +255,7 @@ class Zones(Wire):
 
 
 class ZoneSet(Header):
-    """The zones that a robot is to know."""
+    """The message with the zones for a robot."""
 
     TOPIC: ClassVar[str] = "zoneSet"
     zone_set: Zones
@@ -265,11 +265,11 @@ Scope = Literal["INSTANT", "NODE", "EDGE", "ZONE"]
 Metres = Annotated[float, Field(ge=-1e4, le=1e4)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e7)]
 REPLACES = "order.replacement"
-"""The optional parameter of a robot that drops its running order for a new one by itself."""
+"""The optional parameter of robots that replace their current order by a new one themselves."""
 
 
 class TypeSpecification(Wire):
-    """The kind of a robot; `mobile_robot_class` is uav, ugv or robot where we know it."""
+    """The type of a robot; `mobile_robot_class` is uav, ugv or robot if the kind is known."""
 
     series_name: Text
     series_description: Text | None = None
@@ -282,7 +282,7 @@ class TypeSpecification(Wire):
 
 
 class PhysicalParameters(Wire):
-    """The speed and size of a robot: metres, metres a second, and a second squared."""
+    """The speed, acceleration and size of a robot, in metres and seconds."""
 
     minimum_speed: NonNegative
     maximum_speed: NonNegative
@@ -295,7 +295,7 @@ class PhysicalParameters(Wire):
 
 
 class Timing(Wire):
-    """The shortest intervals between orders and between states, seconds."""
+    """The shortest intervals between orders and between states, in seconds."""
 
     minimum_order_interval: NonNegative
     minimum_state_interval: NonNegative
@@ -303,7 +303,7 @@ class Timing(Wire):
 
 
 class ProtocolLimits(Wire):
-    """The limits of a robot; our messages are few and short, so the limits are not read."""
+    """The limits of a robot, which are not read because the console's messages are short."""
 
     maximum_string_lengths: dict[Id, int | bool] = {}
     maximum_array_lengths: dict[Id, int] = {}
@@ -311,7 +311,7 @@ class ProtocolLimits(Wire):
 
 
 class OptionalParameter(Wire):
-    """An optional part of the protocol that it supports or needs."""
+    """An optional part of the protocol that a robot supports or requires."""
 
     parameter: Id
     support: Literal["SUPPORTED", "REQUIRED"]
@@ -319,7 +319,7 @@ class OptionalParameter(Wire):
 
 
 class ParameterSpecification(Wire):
-    """A parameter of an action that it offers."""
+    """A parameter of an offered action."""
 
     key: Id
     value_data_type: Literal["BOOL", "NUMBER", "INTEGER", "STRING", "OBJECT", "ARRAY"]
@@ -327,7 +327,7 @@ class ParameterSpecification(Wire):
 
 
 class OfferedAction(Wire):
-    """An action that it can carry out."""
+    """An action that a robot can carry out."""
 
     action_type: Id
     action_scopes: Items[Scope] = Field(max_length=8)
@@ -344,11 +344,11 @@ class ProtocolFeatures(Wire):
 
 
 class Unread(Wire):
-    """A part that we send empty and do not read."""
+    """A part that is sent empty and not read."""
 
 
 class Factsheet(Header):
-    """The kind and the abilities of a robot."""
+    """The type and the capabilities of a robot."""
 
     TOPIC: ClassVar[str] = "factsheet"
     type_specification: TypeSpecification
@@ -359,12 +359,12 @@ class Factsheet(Header):
     load_specification: Unread = Unread()
 
     def offers(self, action_type: str) -> bool:
-        """Return whether the robot offers such an action."""
+        """Return whether the robot offers actions of that type."""
         offered = self.protocol_features.mobile_robot_actions
         return any(action.action_type == action_type for action in offered)
 
     @property
     def replaces_orders(self) -> bool:
-        """True if a new order replaces the running one without a cancellation."""
+        """True if a new order replaces the current one without a cancellation."""
         optional = self.protocol_features.optional_parameters
         return any(parameter.parameter == REPLACES for parameter in optional)

@@ -1,7 +1,7 @@
-"""A fleet on an MQTT broker, each of its robots a VDA 5050 vehicle.
+"""The fleet on an MQTT broker, in which each robot is a VDA 5050 vehicle.
 
-The clock is the station's own. A report is dated by its own time, and never newer than its arrival;
-a report from the future or from before the last one is discarded.
+The clock is the station's. A report is dated by its own time, but never later than its arrival. A
+report from the future, or from before the last one, is discarded.
 """
 
 import secrets
@@ -33,16 +33,16 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
 RETAIN_AGAIN_S = 1.0
-"""An older roster, revocation or takeover is replaced on the bus so soon, and no more often."""
+"""The least time between replacements of older signed messages on the bus, in seconds."""
 SUBJECT, KEYS_SUBJECT = "bus", "keys"
 _HAPPENED: TypeAdapter[IncidentHappened | Noticed] = TypeAdapter(IncidentHappened | Noticed)
 
 
 class MqttFleet(ReportedFleet):
-    """Drives the robots of one site; with `keys`, commands travel with tokens.
+    """The fleet of the robots of one site; with `keys`, commands are sent with tokens.
 
-    With keys, it also sends the robots the newest roster, revocation and takeover that it has, and
-    follows newer ones from others.
+    With `keys`, the fleet also publishes its newest roster, revocation and takeover for the robots,
+    and accepts newer ones from other stations.
     """
 
     def __init__(
@@ -50,21 +50,21 @@ class MqttFleet(ReportedFleet):
     ) -> None:
         super().__init__(ReportedPicture(world))
         self._elsewhere: Mapping[str, str] = {}
-        """The assets that are on other links, with their names."""
+        """The name of the link of each asset on another link."""
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._period = station_side.period_ticks(world)
         self._robots: dict[str, Robot] = {}
         self._numbers, self._signed_numbers = Numbers(), Numbers()
         self._session, self._asked_states = secrets.token_hex(8), 0
-        """Begins every action id of this connection, so that no other sender can use one up."""
+        """The prefix of every action id of this connection, which no other sender can guess."""
         self._dropped = 0
         self._shared: SharedSession | None = None
         self._countersigned: list[PlanCountersignature] = []
         self._stop_asked = ""
         self._published_s, self._older_there = 0.0, False
         self._published: set[str] = set()
-        """The messages that this station has retained itself: the broker sends them back."""
+        """The messages that this station has retained itself, which the broker sends back."""
         if joined.site is not None:
             self._weather = joined.site.weather
         self._connected, self._ready = True, False
@@ -78,12 +78,12 @@ class MqttFleet(ReportedFleet):
 
     @property
     def known(self) -> ReportedPicture:
-        """The picture that its reports go into; reports of other links may go into it as well."""
+        """The picture with the reports of this fleet; other links may add their reports."""
         return self._known
 
     @property
     def name(self) -> str:
-        """The name on the screen: the address of the bus."""
+        """The address of the bus, which is the name of the fleet on the screen."""
         return str(self._link.address)
 
     @property
@@ -92,9 +92,9 @@ class MqttFleet(ReportedFleet):
         return frozenset(self._robots)
 
     def reserve(self, elsewhere: Mapping[str, str]) -> None:
-        """Let no robot on the bus be an asset that is on another link, named by `elsewhere`.
+        """Refuse robots on the bus with the names of assets on other links, which `elsewhere` has.
 
-        Raises ValueError for one that has joined the bus already.
+        Raises ValueError if such a robot has already joined the bus.
         """
         if twice := sorted(self.joined & elsewhere.keys()):
             name, other = twice[0], elsewhere[twice[0]]
@@ -105,23 +105,23 @@ class MqttFleet(ReportedFleet):
 
     @property
     def rate(self) -> float:
-        """Seconds on the robots' clock a second."""
+        """The number of seconds that pass on the robots' clock in one real second."""
         return self._rate
 
     @property
     def paced(self) -> bool:
-        """True if the robots wait for the station's steps, as simulated ones may."""
+        """True if the robots wait for the station's steps, which only simulated ones do."""
         return False
 
     def now(self) -> datetime:
-        """Return what time it is on the clock that the robots go by (UTC)."""
+        """Return the time on the robots' clock (UTC)."""
         return datetime.now(UTC)
 
     def send(self, command: DeviceCommand) -> None:
-        """Send `command` to its robot now; without a connection it is not sent at all.
+        """Send `command` to its robot now; without a connection, it is dropped.
 
-        A command that its robot's factsheet does not offer is refused here. Nothing can be sent to
-        a robot that has never joined, so its answer never arrives.
+        A command that the robot's factsheet excludes is refused here. A command to a robot that has
+        never joined is not sent, so it never gets an answer.
         """
         robot = self._robots.get(command.agent)
         if robot is None:
@@ -141,7 +141,7 @@ class MqttFleet(ReportedFleet):
             self._send(robot, self._at_once(robot, *commands.actions_at_once(on_wire, token)))
 
     def step(self) -> Received:
-        """Move the clock on by `world.dt_s`; return what came in since the last step."""
+        """Advance the clock by `world.dt_s`; return everything received since the last step."""
         self._tick += 1
         self._look_after_link()
         self._receive()
@@ -156,18 +156,18 @@ class MqttFleet(ReportedFleet):
         return Received(replies, self._told.take(), countersigned, stop_asked)
 
     def share(self, session: SharedSession) -> None:
-        """Publish the records of a session, and take what others sign for its plans."""
+        """Publish the records of a session from now on, and accept countersignatures for it."""
         self._shared = session
 
     def wait(self, seconds: float) -> bool:
-        """Wait until a message has come, for `seconds` at most; return whether one has."""
+        """Wait for a message, for `seconds` at most; return whether there is one."""
         return self._link.wait_news(seconds)
 
     def _token(self, command: DeviceCommand) -> str | None:
         return self._keys.authorize(command) if self._keys is not None else None
 
     def _receive(self) -> None:
-        """Take in what has come; one moment counts for the lag and for the age of every report."""
+        """Process all new messages; the clock is read once, for the lag and for all ages."""
         self._read_at = self.now()
         passed_s = (self._read_at - self._start).total_seconds() * self._rate
         self._known.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
@@ -175,7 +175,7 @@ class MqttFleet(ReportedFleet):
             self._take_or_set_aside(delivery)
 
     def _take_or_set_aside(self, delivery: Delivery) -> None:
-        """Take one message in; no message ends the session that it reaches."""
+        """Process one message; report an error as a notice, so that no message ends the session."""
         try:
             self._take(delivery)
         except Exception as error:
@@ -184,14 +184,14 @@ class MqttFleet(ReportedFleet):
             self._say("alarm", name, text, f"fault {topic}")
 
     def close(self) -> None:
-        """Let go of the bus; the robots do what they do without a station."""
+        """Leave the bus; the robots then follow their own rules for a lost link."""
         self._share()
         self._link.close()
 
     def _order(self, robot: Robot, command: DeviceCommand) -> None:
-        """Send an order, after the end of the pause or of the order before, where that is due.
+        """Send an order; first end the robot's pause, or cancel its current order, if necessary.
 
-        `command` has its id on the wire.
+        `command` has its id on the bus.
         """
         replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
         if robot.busy and not replaces and not self._has_order(robot, command):
@@ -248,7 +248,7 @@ class MqttFleet(ReportedFleet):
         return False
 
     def _look_after_link(self) -> None:
-        """Report a connection that breaks or is back, and messages that were left out."""
+        """Report a lost or restored connection, and messages that were dropped."""
         problem, dropped = self._link.problem, self._link.dropped
         if bool(problem) == self._connected:
             self._connected = not problem
@@ -267,7 +267,7 @@ class MqttFleet(ReportedFleet):
             self._say("alarm", SUBJECT, text, "flood")
 
     def _request_states(self) -> None:
-        """Ask every robot for its state, and send it the zones again."""
+        """Request the state of every robot, and send it the zones again."""
         for robot in self._robots.values():
             self._welcome(robot)
 
@@ -287,7 +287,7 @@ class MqttFleet(ReportedFleet):
         return not self._link.problem
 
     def publish_signed(self) -> None:
-        """Retain what robots go by on the bus: it may have got lost, or be older there."""
+        """Retain the newest signed messages on the bus, where they may be missing or older."""
         self._published_s, self._older_there = self.time_s, False
         if self._keys is not None:
             site, newest = self._link.address.site, self._keys.newest
@@ -295,7 +295,7 @@ class MqttFleet(ReportedFleet):
             self._link.publish(*signed_messages(site, newest, self._signed_numbers, self.now()))
 
     def _take_signed(self, message: additions.SignedMessage) -> None:
-        """Follow a signed message; report if it changes this station's right to command."""
+        """Process a signed message; report a change of this station's right to command."""
         if self._keys is None:
             return
         before = self._keys.refusal
@@ -319,7 +319,7 @@ class MqttFleet(ReportedFleet):
         return self._shared is not None and self._shared.identity == station
 
     def _take_countersignature(self, message: Countersignature) -> None:
-        """Take in what a person has signed elsewhere, if that person may, for this session."""
+        """Store a countersignature if the person may approve and it is for this session."""
         request, person, signature = message.request_id, message.person, message.approval
         if self._keys is None:
             return
@@ -330,7 +330,7 @@ class MqttFleet(ReportedFleet):
         self._countersigned.append(PlanCountersignature(request, person, signature))
 
     def _take(self, delivery: Delivery) -> None:
-        """Process one message; an implausible one is reported and changes nothing."""
+        """Process one message; an invalid or implausible one is reported and otherwise ignored."""
         topic, message = delivery.topic, delivery.message
         name = topic.identity.serial_number
         if isinstance(message, UnreadableError):
@@ -368,7 +368,7 @@ class MqttFleet(ReportedFleet):
                 self._take_more(topic.identity, message)
 
     def _take_more(self, identity: Identity, message: Header) -> None:
-        """Process a message of a simulated site; from any other sender, it is ignored."""
+        """Report a message that its sender may not send; subclasses accept a site's messages."""
         self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
 
     def _take_told(self, message: additions.ScenarioNews) -> None:
@@ -378,7 +378,10 @@ class MqttFleet(ReportedFleet):
             self._say("alarm", additions.SITE.serial_number, "tells of an event of no known kind")
 
     def _robot(self, identity: Identity) -> Robot | None:
-        """Return the robot of this identity, None when the world has none of its name."""
+        """Return the robot with this identity; None if there is no such asset on this bus.
+
+        A robot that appears for the first time joins the fleet.
+        """
         name = identity.serial_number
         if (other := self._elsewhere.get(name)) is not None:
             self._say("alarm", name, f"joins the bus, but is commanded over {other}: not believed")
@@ -453,7 +456,7 @@ class MqttFleet(ReportedFleet):
             self._take_sensor(stamp, seen.report(), self._rate)
 
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
-        """Return the tick at which a report was sent, None for one that is not believed."""
+        """Return the tick at which a report was sent; None if retained or in the future."""
         if delivery.retained:
             text = f"its {message.TOPIC} was kept by the broker: it is none of now"
             self._say("warning", name, text, f"retained {message.TOPIC}")
@@ -464,12 +467,12 @@ class MqttFleet(ReportedFleet):
         return stamp
 
     def _tick_of(self, sent: datetime, arrived: datetime) -> int | None:
-        """Return the tick on the station's clock of a time; None for one in the future."""
+        """Return the tick on the station's clock at the time `sent`; None if in the future."""
         return self._belief.tick_of(sent, arrived, self._read_at, self._tick, self._rate)
 
 
 def zone_set(world: World, header: dict[str, Any]) -> messages.ZoneSet:
-    """Return the restricted zones of `world` as a message: no robot may enter them by itself."""
+    """Return the message with the restricted zones of `world`, which no robot may enter."""
     zones = tuple(
         messages.VdaZone(
             zone_id=name,

@@ -1,4 +1,4 @@
-"""The records of a session and the signed messages of a site, as a station shares them."""
+"""The messages with which a station shares a session's records and the site's signed messages."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -15,24 +15,26 @@ RECENT = 512
 """The number of records kept in memory; older ones are read from the file."""
 
 PIECE_BYTES = 1 << 20
-"""The size of the records in one message, about, bytes."""
+"""The approximate size of the records in one message, in bytes."""
 
 MOST_ASKED = 16
+"""The largest number of waiting requests; beyond it, the oldest are dropped."""
+
 Vouch = Callable[[Records], str]
-"""Signs for records that the station shares."""
+"""A function that returns the station's signature of shared records."""
 
 
 class SharedSession:
-    """The log of a session as it goes on the bus, in the name of the station called `station`.
+    """The log of a session, as published by the station called `station`.
 
-    `path` is the log's file, which was empty when this began.
+    `path` is the file of the log, which must be empty at the start.
     """
 
     def __init__(self, session: str, station: str, path: Path, vouch: Vouch) -> None:
         self.identity, self.session = Identity(MANUFACTURER, station), session
         self._path, self._vouch, self._numbers = path, vouch, Numbers()
         self._ends = [0]
-        """The end of each record in the file, bytes."""
+        """The offset of the end of each record in the file, in bytes."""
         self._hashes = [""]
         self._recent: deque[bytes] = deque(maxlen=RECENT)
         self._told = 0
@@ -40,20 +42,20 @@ class SharedSession:
         self._asked: deque[int] = deque(maxlen=MOST_ASKED)
 
     def add(self, line: str, digest: str) -> None:
-        """Note one more record of the log, without its line end, and its hash."""
+        """Add a record of the log, without its line end, and its hash."""
         text = line.encode() + b"\n"
         self._recent.append(text)
         self._ends.append(self._ends[-1] + len(text))
         self._hashes.append(digest)
 
     def ask(self, message: RecordsAsked) -> None:
-        """Note a request for missing records; the next steps send them in pieces."""
+        """Record a request for missing records; a later step sends one piece of them."""
         known = message.session == self.session and 1 <= message.first < len(self._ends)
         if known and message.first not in self._asked:
             self._asked.append(message.first)
 
     def step(self, site: str, now: datetime) -> Iterator[OutgoingMessage]:
-        """Yield the messages to publish now: new records, and some of the requested ones."""
+        """Yield the messages to publish now: all new records, and one requested piece."""
         while self._told < len(self._ends) - 1:
             last = self._piece(self._told + 1)
             yield from self._message(site, now, self._told + 1, last)
@@ -63,7 +65,7 @@ class SharedSession:
             yield from self._message(site, now, first, self._piece(first))
 
     def _piece(self, first: int) -> int:
-        """Return the last record of a message that begins with the record `first`."""
+        """Return the number of the last record in a message that begins with record `first`."""
         last, limit = first, self._ends[first - 1] + PIECE_BYTES
         while last + 1 < len(self._ends) and self._ends[last + 1] <= limit:
             last += 1
@@ -72,7 +74,10 @@ class SharedSession:
     def _message(
         self, site: str, now: datetime, first: int, last: int
     ) -> Iterator[OutgoingMessage]:
-        """Yield the records that can be read and sent; clients request missing ones again."""
+        """Yield the message with these records, or nothing if they cannot be read or are too large.
+
+        Clients request missing records again.
+        """
         lines = self._lines(first, last)
         packed = pack(lines)
         if not lines or len(packed) > MOST_BYTES * 3 // 4:
@@ -89,7 +94,7 @@ class SharedSession:
         yield OutgoingMessage(str(topic), message.write(), qos=1)
 
     def _lines(self, first: int, last: int) -> bytes:
-        """Return lines with their ends; nothing where the file does not have them."""
+        """Return the lines with line ends; empty if the file does not have them."""
         oldest = len(self._ends) - len(self._recent)
         if first >= oldest:
             return b"".join(list(self._recent)[first - oldest : last - oldest + 1])
@@ -105,7 +110,7 @@ class SharedSession:
 def signed_messages(
     site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime
 ) -> list[OutgoingMessage]:
-    """Return the signed `messages` by kind as they are retained on the bus, in the right order."""
+    """Return messages that retain the signed `messages` (by kind), in the order for receivers."""
     found: list[OutgoingMessage] = []
     for kind in additions.SIGNED:
         if (message := messages.get(kind.TOPIC)) is not None:

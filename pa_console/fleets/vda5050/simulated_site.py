@@ -1,6 +1,7 @@
-"""The simulated checkpoint as a service: every asset a VDA 5050 vehicle, every camera a sensor.
+"""The simulated site: a checkpoint whose assets and cameras are clients on the bus.
 
-The radio model stays in force: it lies between an asset and the gateway that speaks for it here.
+Each asset is a VDA 5050 vehicle. The simulated radio connects the asset with its gateway, which is
+its client on the bus.
 """
 
 import asyncio
@@ -44,16 +45,23 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.sensing_state import Detection
 
 MOST_STEPS_AT_ONCE = 20
+"""The largest number of delayed steps that are made up for at once."""
+
 OVERTAKEN_S = 1.0
-"""The longest wait of a step for messages that the station has sent before it, seconds."""
+"""The longest wait of a step for messages that the station sent before it, in seconds."""
 
 UP_S = 10.0
+"""The longest wait for the connection of a client, in seconds."""
+
 _INCIDENT: TypeAdapter[Incident] = TypeAdapter(Incident)
 
 
 @dataclass(frozen=True)
 class SiteOptions:
-    """The pace of a site: `rate` of its seconds in one, or `paced` by the station's clock."""
+    """The options of a site.
+
+    Its clock runs at `rate` site seconds per real second or, if `paced`, at the station's steps.
+    """
 
     world_sha256: str
     scenario: str = ""
@@ -61,13 +69,13 @@ class SiteOptions:
     rate: float = 1.0
     verify: Verify = anybody
     take: Callable[[str], object] = lambda _message: None
-    """Is given every signed roster, revocation and takeover that comes over the bus."""
+    """A function that accepts every signed roster, revocation and takeover from the bus."""
     credentials: Callable[[str], Credentials | None] = lambda _name: None
-    """Returns the certificates of a client name."""
+    """A function that returns the credentials for a client name."""
 
 
 class SimulatedSite:
-    """Runs `checkpoint` on the bus at `address` until it is cancelled."""
+    """A simulated `checkpoint` on the bus at `address`."""
 
     def __init__(
         self, checkpoint: Checkpoint, address: BrokerAddress, options: SiteOptions
@@ -76,9 +84,9 @@ class SimulatedSite:
         self._world = checkpoint.world
         self._numbers, self._epoch = Numbers(), in_milliseconds(datetime.now(UTC))
         self._step_time = timedelta(seconds=self._world.dt_s / options.rate)
-        """The real time from one step to the next of a site that is not paced."""
+        """The real time between two steps of a site that is not paced."""
         self._due: datetime | None = None
-        """The time at which the step that is being made was due, None between steps."""
+        """The time at which the current step was due; None between steps."""
         self._news = asyncio.Event()
         self._asked: list[Header] = []
         self._weather: Weather = checkpoint.picture().weather
@@ -92,11 +100,11 @@ class SimulatedSite:
         self._site = _SiteSpeaker(bus, self._describe, self._ask, self._hear_signed)
 
     def now(self) -> datetime:
-        """Return what time it is at the site (UTC)."""
+        """Return the time at the site (UTC)."""
         return self._time_of(self.checkpoint.tick)
 
     async def run(self) -> None:
-        """Be on the bus until cancelled; raises ValueError when no broker lets everybody in."""
+        """Run the site until cancelled; raises ValueError if a client cannot connect."""
         asyncio.get_running_loop().set_exception_handler(say_nothing)
         speakers: list[Speaker] = [*self.robots.values(), *self._cameras.values()]
         running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
@@ -131,7 +139,7 @@ class SimulatedSite:
                 await asyncio.sleep(0.02)
 
     async def _serve(self) -> None:
-        """Answer the station, and move the world on unless the station does."""
+        """Answer the station's messages, and advance the world if the site is not paced."""
         made = utc_now()
         pause_s = min(self._step_time.total_seconds(), self._world.dt_s)
         while True:
@@ -147,11 +155,12 @@ class SimulatedSite:
                 made = self._catch_up(made)
 
     def _catch_up(self, made: datetime) -> datetime:
-        """Make the steps that are due since the one `made` last; return when the last was due.
+        """Make the steps that are due; return the time at which the last one was due.
 
-        Steps that a busy machine makes late, several at once, have the times at which they were
-        due: else an asset would seem to come farther than it can in that moment. Those beyond
-        MOST_STEPS_AT_ONCE are left out, and the site has stood still for as long.
+        `made` is the time at which the previous step was due. Delayed steps, of which a busy
+        machine makes several at once, get the times at which they were due. Otherwise, an asset
+        would appear to move farther than it can in that time. Steps beyond MOST_STEPS_AT_ONCE are
+        skipped, as if the site had been stopped for that time.
         """
         now = utc_now()
         made = max(min(made, now), now - (MOST_STEPS_AT_ONCE + 1) * self._step_time)
@@ -182,13 +191,13 @@ class SimulatedSite:
                 pass
 
     async def _none_overtaken(self, after: dict[str, int]) -> None:
-        """Wait until every message that was sent before has come."""
+        """Wait until the messages in `after` have arrived, for OVERTAKEN_S at most."""
         until = perf_counter() + OVERTAKEN_S
         while not self._numbers.has_seen(after) and perf_counter() < until:
             await asyncio.sleep(0.0005)
 
     def _step(self) -> None:
-        """Move the world on by one step and publish the reports that reached the gateways."""
+        """Advance the world by one step, and publish the reports that reached the gateways."""
         replies = self.checkpoint.step()
         if self.checkpoint.arrived.wired is not None:
             self._look(self.checkpoint.arrived.wired)
@@ -224,7 +233,7 @@ class SimulatedSite:
             )
 
     def _see(self, name: str, sent: datetime, found: tuple[Detection, ...]) -> None:
-        """Publish the detections of an asset."""
+        """Publish the detections of an asset at the time `sent`."""
         kind = self._world.assets[name].kind
         robot = self.robots[name]
         if not robot.client.connected or (not found and kind != "uav"):
@@ -237,7 +246,7 @@ class SimulatedSite:
         robot.say(Detections(**header, contacts=self._contacts(found), team=team))
 
     def _team(self, at: tuple[float, float], within_m: float) -> tuple[SeenRobot, ...]:
-        """Return the assets that a sensor at `at` recognises."""
+        """Return the assets that a sensor at `at` recognises, which are those within `within_m`."""
         return tuple(
             SeenRobot(name=name, x=asset.position[0], y=asset.position[1])
             for name, asset in self.checkpoint.truth().assets.items()
@@ -264,7 +273,7 @@ class SimulatedSite:
         )
 
     def _inject(self, text: str) -> str:
-        """Make an incident happen; return why it cannot, "" when it did."""
+        """Make an incident happen; return the reason if it cannot, else ""."""
         try:
             incident = _INCIDENT.validate_json(text)
             self.checkpoint.inject(incident)
@@ -278,7 +287,7 @@ class SimulatedSite:
         return ""
 
     def _tell_at_once(self, name: str, said: AssetTelemetry) -> None:
-        """Publish an asset's state of long before the world has begun to move."""
+        """Publish the initial state of an asset, before the first step."""
         robot = self.robots[name]
         if said.comms == "lost":
             robot.cut()
@@ -307,7 +316,7 @@ class SimulatedSite:
         )
 
     def _hear_signed(self, received: IncomingMessage) -> None:
-        """Let the vehicles go by a signed message; what cannot be read changes nothing."""
+        """Pass a signed message to the vehicles; one that is not valid is ignored."""
         with suppress(UnreadableError):
             self._options.take(SignedMessage.read(received.payload).message)
 
@@ -316,22 +325,26 @@ class SimulatedSite:
         self._news.set()
 
     def _time_of(self, tick: int) -> datetime:
-        """Return the time of a tick: by the site's clock, or that long before the present step."""
+        """Return the time of a tick.
+
+        At a paced site, it follows from the start. Otherwise, it is counted back from the time at
+        which the current step was due, so that the real time between steps does not matter.
+        """
         if self._options.paced:
             return self._epoch + timedelta(seconds=tick * self._world.dt_s)
         return (self._due or utc_now()) - (self.checkpoint.tick - tick) * self._step_time
 
 
 def utc_now() -> datetime:
-    """Return the time of the machine (UTC)."""
+    """Return the time of this machine (UTC)."""
     return datetime.now(UTC)
 
 
 class _SiteSpeaker(Speaker):
-    """Speaks for the site itself, and takes what a station asks of a simulation.
+    """The client of the site itself, which receives a station's requests to the simulation.
 
-    Over the same connection it receives who belongs to the site and who commands it: the broker
-    lets one connection in by each certificate.
+    The same connection receives the signed messages, because the broker accepts only one connection
+    with each certificate.
     """
 
     HEARS = (ClockMessage, IncidentMessage)

@@ -1,7 +1,7 @@
-"""The files of a site: an authority, certificates for all clients, Mosquitto's configuration.
+"""The files of a site: an authority, certificates for all clients, and Mosquitto's configuration.
 
-The name in a certificate is also the client id of its connection, so no client can pose as another
-or end its connection. A robot may write and read only its own topics.
+The name in a certificate is also the client id of its connection. Therefore, no client can pretend
+to be another or end its connection. A robot may write and read only its own topics.
 """
 
 import getpass
@@ -33,23 +33,29 @@ from pa_console.private_files import make_private_folder, replace_private
 
 CA_KEY, BROKER = "ca.key", "broker"
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
-"""The roles of a machine at which people sit: a station commands over one connection and receives
-reports over another; a console that has joined watches, countersigns and asks for a stop."""
+"""The roles of a console.
+
+A station commands over one connection and receives reports over another. A joined console watches,
+countersigns and asks for stops.
+"""
 
 ROLES = (STATION, TELEMETRY, JOINED)
 RESERVED = ("ca", BROKER, *ROLES, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
-"""A machine whose clock is a little late takes a new certificate, too."""
+"""The age of a new certificate, so that a machine with a slow clock accepts it as well."""
 
 ROBOT_WRITES = ("connection", "state", "factsheet", "detections", "visualization")
 ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")
 SITE_WRITES = ("connection", "site", "clockDone", "incidentDone", "told")
 SITE_READS = ("clock", "incident")
 BINDING = ("use_identity_as_username true", "use_username_as_clientid true")
-"""Lines that tie a client id to a certificate. Without them a client can connect with the client id
-of another; the broker then ends the connection of the other, which misses its stops."""
+"""The lines that tie a client id to a certificate.
+
+Without them, a client can connect with the client id of another one. The broker then ends the
+connection of the other client, which misses its stops.
+"""
 
 _CONFIGURATION = """\
 # Mosquitto for the site {site}: start it with  mosquitto -c {folder}/{file}
@@ -71,7 +77,7 @@ max_queued_messages 10000
 
 @dataclass(frozen=True)
 class SiteFiles:
-    """The files written into `folder`: certificates made, and those kept as they were."""
+    """The certificates in `folder` that were made, and those that were kept unchanged."""
 
     folder: Path
     made: tuple[str, ...]
@@ -80,21 +86,21 @@ class SiteFiles:
 
 @dataclass(frozen=True)
 class Machines:
-    """The machines beside the one of the site's folder: a folder in it has their certificates.
+    """Further machines, each with certificates in a folder inside the site's folder.
 
-    Those of `joined` watch and countersign; those of `stations` may command as well.
+    Machines in `joined` watch and countersign. Machines in `stations` may command as well.
     """
 
     stations: tuple[str, ...] = ()
     joined: tuple[str, ...] = ()
 
     def of(self, role: str) -> tuple[str, ...]:
-        """Return the machines that have certificates of `role`, "" for the site's own."""
+        """Return the machines with certificates of `role`; "" is the site's own machine."""
         others = self.stations if role != JOINED else (*self.stations, *self.joined)
         return ("", *dict.fromkeys(others))
 
     def and_those_in(self, access_list: str) -> "Machines":
-        """Return these machines and the machines that an earlier access list names."""
+        """Return these machines together with the machines in an earlier access list."""
 
         def named(role: str) -> tuple[str, ...]:
             return tuple(re.findall(rf"^user {role}-([A-Za-z]\w*)$", access_list, re.MULTILINE))
@@ -111,9 +117,9 @@ def write_site(
     *,
     machines: Machines = Machines(),
 ) -> SiteFiles:
-    """Make or complete the files of a site for robots and cameras of these `names`.
+    """Make or complete the files of a site for robots and cameras with these `names`.
 
-    Everything is for its owner alone. Raises OSError when the folder cannot be written.
+    Only the user can read the files. Raises OSError if the folder cannot be written.
     """
     folder = folder.expanduser().absolute()
     make_private_folder(folder)
@@ -153,20 +159,20 @@ def write_site(
 
 
 def _certificates(machine: str, role: str) -> Iterator[tuple[str, str]]:
-    """Yield the file, without its ending, and the name of each certificate of a machine."""
+    """Yield each certificate of a machine: its file without the suffix, and its name."""
     for number in NUMBERS:
         file = f"{role}{number}"
         yield (f"{machine}/{file}", f"{role}-{machine}{number}") if machine else (file, file)
 
 
 def unbound(configuration: str) -> tuple[str, ...]:
-    """Return the lines that a configuration lacks to tie client ids to certificates."""
+    """Return the lines of BINDING that are missing from a configuration."""
     lines = [line.split() for line in configuration.splitlines()]
     return tuple(line for line in BINDING if line.split() not in lines)
 
 
 def access(site: str, machines: Machines = Machines()) -> str:
-    """Return the access list of the topics; %u is the name in a certificate."""
+    """Return the access list of the topics, in which %u is the name in a certificate."""
     robot = f"{site}/v3/+/%u"
     own = f"{site}/v3/{SITE.manufacturer}/{SITE.serial_number}"
     station = f"{site}/v3/{SITE.manufacturer}/+"
@@ -214,7 +220,7 @@ class _Authority:
 
 
 def _authority(folder: Path, site: str) -> _Authority:
-    """Return the authority of the folder, made when there is none."""
+    """Return the authority of the folder; make one if there is none."""
     certificate_file, key_file = folder / CA_FILE, folder / CA_KEY
     if certificate_file.exists() and key_file.exists():
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
@@ -234,7 +240,7 @@ def _authority(folder: Path, site: str) -> _Authority:
 
 
 def _issue(file: Path, authority: _Authority, name: str, hosts: Sequence[str]) -> None:
-    """Make a key and a certificate for `name`, beside `file`; for the broker, with its hosts."""
+    """Make a key and a certificate for `name` in `file`; `hosts` are given for a broker only."""
     key = ec.generate_private_key(ec.SECP256R1())
     purpose = ExtendedKeyUsageOID.SERVER_AUTH if hosts else ExtendedKeyUsageOID.CLIENT_AUTH
     builder = (
@@ -254,7 +260,7 @@ def _issue(file: Path, authority: _Authority, name: str, hosts: Sequence[str]) -
 
 
 def default_hosts() -> tuple[str, ...]:
-    """Return the names under which the broker of this machine is reached."""
+    """Return the host names and addresses of the broker on this machine."""
     return tuple(dict.fromkeys(("localhost", "127.0.0.1", socket.gethostname())))
 
 
@@ -300,7 +306,7 @@ def _host(host: str) -> x509.GeneralName:
 
 
 def _keep(file: Path, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
-    """Write a key and its certificate to `file` with their endings."""
+    """Write a key and its certificate to `file` with the suffixes .key and .crt."""
     secret = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )

@@ -1,4 +1,4 @@
-"""The fleet of a simulated site: incidents can be made to happen, and its clock may be ours."""
+"""The fleet of a simulated site, with incidents and, if it is paced, the station's clock."""
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
 
 ANSWER_S = 3.0
+"""The longest wait for an answer of the site, in seconds."""
 
 
 class SiteFleet(MqttFleet):
-    """Drives a site that simulates; one that is paced stands still until the station steps."""
+    """The fleet of a simulated site; a paced site advances only with the station's steps."""
 
     def __init__(
         self,
@@ -30,14 +31,14 @@ class SiteFleet(MqttFleet):
         site: additions.SiteDescription,
         keys: "StationAuthority | None" = None,
     ) -> None:
-        """Raises ValueError when a paced site does not answer."""
+        """Join the `site`; raises ValueError if a paced site does not answer."""
         self._site, self._site_tick = site, -1
         self._site_dt_s = world.dt_s
         self._epoch = site.timestamp - timedelta(seconds=site.tick * world.dt_s)
         self._began, self._moved = site.tick, False
         self._after: dict[str, int] = {}
         self._incidents, self._problems = 0, dict[int, str]()
-        if site.paced:  # it sends as fast as this station steps, and each message is waited for
+        if site.paced:  # no limit: the station waits for every message of each of its steps
             joined.link.limit = None
         super().__init__(world, joined, keys)
         if site.paced:
@@ -56,11 +57,11 @@ class SiteFleet(MqttFleet):
 
     @property
     def seed(self) -> int:
-        """The seed of the site's random draws."""
+        """The seed of the site's random numbers."""
         return self._site.seed
 
     def now(self) -> datetime:
-        """Return what time it is on the clock that the robots go by (UTC)."""
+        """Return the time on the robots' clock (UTC)."""
         if not self._site.paced:
             return super().now()
         ticks = max(self._site_tick, 0)
@@ -69,8 +70,8 @@ class SiteFleet(MqttFleet):
     def inject(self, incident: Incident) -> None:
         """Apply `incident` at the site now.
 
-        Raises ValueError with the valid names for an unknown one, and if the site refuses the
-        incident or does not answer.
+        Raises ValueError for an unknown name (the message lists the known names), and if the site
+        refuses the incident or does not answer.
         """
         _, problem = unknown_name(incident, self.world)
         if problem:
@@ -97,7 +98,7 @@ class SiteFleet(MqttFleet):
         super()._receive()
 
     def _move_site(self, tick: int) -> None:
-        """Let the site go on to `tick` and take in all messages that it sent on the way."""
+        """Advance the site to `tick`, and process all messages that it sends until then."""
         header = self._header(additions.SITE, additions.ClockMessage.TOPIC)
         self._moved = False
         message = additions.ClockMessage(**header, tick=tick, after=self._numbers.fresh())
@@ -105,7 +106,7 @@ class SiteFleet(MqttFleet):
         self._wait(lambda: self._moved and self._numbers.has_seen(self._after))
 
     def _wait(self, done: Callable[[], bool]) -> None:
-        """Take in messages until `done`, or until the site has been silent for too long."""
+        """Process messages until `done`, for ANSWER_S at most."""
         until = monotonic() + ANSWER_S
         while True:
             super()._receive()
@@ -148,7 +149,7 @@ def fleet_of(
 ) -> MqttFleet:
     """Return the fleet of `world` on the bus that was joined.
 
-    Raises ValueError, and leaves the bus, when a site there simulates another world.
+    Raises ValueError, and leaves the bus, if a site there is not running or has another world.
     """
     site = joined.site
     if site is None:

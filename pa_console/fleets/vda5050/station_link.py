@@ -1,9 +1,9 @@
-"""A station's connection to the broker, in threads of its own: no message waits for the screen.
+"""A station's link to the broker, which has its own threads and does not wait for the screen.
 
-Commands and what people send go over one connection, telemetry comes over another: however much
-robots report, a stop is not queued behind it. Each sender may send more than any robot reports, and
-less than a flood; notices of what happens on the bus are limited as well. Joining a bus takes what
-is retained there and names the new robots.
+Commands and the messages of people use one connection, and telemetry uses another, so that a stop
+never waits behind reports. Each sender has a limit that is higher than the rate of any robot and
+lower than a flood. `join` connects to a bus and receives its retained messages; `with_newcomers`
+adds the new robots there to a world.
 """
 
 import asyncio
@@ -36,26 +36,47 @@ from pa_console.schema.command import COMMANDS
 from pa_console.schema.world import AssetKind, World
 
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 100.0, 200.0
-"""A robot reports some times a second; a simulated site that runs twenty times faster, 40 times."""
+"""The limit of messages from one sender on one topic, per second and at once.
+
+A robot reports a few times per second, and a simulated site at twenty times the speed 40 times.
+"""
 
 BYTES_PER_S, BYTES_AT_ONCE = 512_000.0, 1_024_000.0
-"""A state has two to ten kilobytes; reading these takes some milliseconds of each second."""
+"""The limit of bytes from one sender on one topic, per second and at once.
+
+A state has two to ten kilobytes. To read this many bytes takes a few milliseconds.
+"""
 
 MOST_SENDERS = 20_000
-"""The number of senders and topics with a share of their own; the longest silent are forgotten."""
+"""The largest number of senders and topics with separate limits; the least recent are dropped."""
+
+MOST_WAITING = 20_000
+"""The largest number of waiting messages; further ones are dropped and counted."""
+
+GOODBYE_S = 2.0
+"""The longest wait for pending messages when a connection ends, in seconds."""
+
+CONNECT_S = 5.0
+RETAINED_S = 0.3
+"""The silence after which all retained messages have arrived, in seconds.
+
+Live messages do not count, because they never end.
+"""
+MOST_RETAINED_S = 10.0
+"""The longest wait for retained messages, in seconds."""
 
 
 class RateLimit:
-    """A token bucket for each sender and topic, of messages and of bytes."""
+    """A token bucket of messages and of bytes for each sender and topic."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        """`clock` returns seconds."""
+        """Use `clock`, which returns seconds."""
         self._clock = clock
         self._left: OrderedDict[Topic, tuple[float, float, float]] = OrderedDict()
-        """Messages and bytes left, and the moment of that, by topic."""
+        """The messages and bytes left on each topic, and the time of that."""
 
     def allows(self, topic: Topic, size: int) -> bool:
-        """Take a message of `size` bytes off its sender's share; return False beyond it."""
+        """Return whether a message of `size` bytes is within the limit, and count it if it is."""
         now = self._clock()
         full = (MESSAGES_AT_ONCE, BYTES_AT_ONCE, now)
         messages, octets, then = self._left.pop(topic, full)
@@ -70,16 +91,12 @@ class RateLimit:
         return allowed
 
 
-MOST_WAITING = 20_000
-"""The number of messages that may wait to be taken in; further ones are dropped and counted."""
-
-GOODBYE_S = 2.0
 _topic_of = lru_cache(maxsize=8192)(Topic.of)
 Kinds = Sequence[type[Header]]
 
 
 class Delivery(NamedTuple):
-    """A message as read, or why it cannot be read, and when it came (UTC)."""
+    """A message, or the error if it is not valid, with its time of arrival (UTC)."""
 
     topic: Topic
     message: Header | UnreadableError
@@ -88,12 +105,11 @@ class Delivery(NamedTuple):
 
 
 class StationLink:
-    """Receives the messages of `kinds` from every robot and station of a site, and sends.
+    """The link of a station to a site, which sends messages and receives the given `kinds`.
 
-    `telemetry` are the kinds that come over a connection of their own, with the credentials
-    `telemetry_as` where the broker asks for a certificate; on one connection for all of them where
-    it asks and there are none. Messages of one sender that come faster than any robot reports are
-    set aside before they are read.
+    The kinds in `telemetry` use a separate connection with the credentials `telemetry_as`. If there
+    are `credentials` but no `telemetry_as`, all kinds share one connection. Messages beyond the
+    limit of their sender are discarded before they are read.
     """
 
     def __init__(
@@ -112,8 +128,7 @@ class StationLink:
         self.dropped = 0
         """The number of messages dropped because too many were waiting."""
         self.limit: RateLimit | None = RateLimit(monotonic)
-        """The limit on each sender; None reads every message, as of a site that waits for its
-        station."""
+        """The limit for each sender; None for a paced site, which waits for the station."""
         self._news = threading.Event()
         apart = bool(telemetry) and (credentials is None or telemetry_as is not None)
         self._main = self._open(name, kinds if apart else (*kinds, *telemetry), credentials)
@@ -135,31 +150,31 @@ class StationLink:
 
     @property
     def problem(self) -> str:
-        """The reason why there is no connection, "" while there is one."""
+        """The reason why there is no connection; "" while there is one."""
         return next((channel.problem for channel in self._channels if channel.problem), "")
 
     def wait_connected(self, seconds: float) -> bool:
-        """Return whether there is a connection within `seconds`."""
+        """Wait for all connections, for `seconds` at most; return whether they exist."""
         until = monotonic() + seconds
         return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
 
     def wait_news(self, seconds: float) -> bool:
-        """Return whether a message can be taken within `seconds`."""
+        """Wait for a message, for `seconds` at most; return whether there is one to take."""
         found = self._news.wait(seconds)
         self._news.clear()
         return found or bool(self._waiting)
 
     def take(self) -> list[Delivery]:
-        """Return what has come since the last call, in order."""
+        """Return the messages since the last call, in order of arrival."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def take_flooded(self) -> Mapping[Identity, int]:
-        """Return how many messages of each sender were set aside unread since the last call."""
+        """Return the number of messages beyond the limit since the last call, by sender."""
         flooded, self._flooded = self._flooded, Counter()
         return flooded
 
     def publish(self, *messages: OutgoingMessage) -> bool:
-        """Send the messages in order; return False, and send none, without a connection."""
+        """Send the messages in order; without a connection, send none and return False."""
         return self._main.publish(messages)
 
     def close(self) -> None:
@@ -191,14 +206,14 @@ class StationLink:
 
 
 class _Channel:
-    """One connection in a thread of its own; `news` is called when it breaks, or is there again."""
+    """One connection with its own thread; `news` is called when it breaks or is restored."""
 
     def __init__(
         self, client: Callable[..., BusClient], name: str, news: Callable[[], None]
     ) -> None:
         self._news = news
         self.problem = "not connected yet"
-        """The reason why there is no connection, "" while there is one."""
+        """The reason why there is no connection; "" while there is one."""
         self.up = threading.Event()
         self._loop, self._ending = asyncio.new_event_loop(), asyncio.Event()
         self._loop.set_exception_handler(say_nothing)
@@ -207,7 +222,7 @@ class _Channel:
         self._thread.start()
 
     def publish(self, messages: Sequence[OutgoingMessage]) -> bool:
-        """Send the messages in order; return False, and send none, without a connection."""
+        """Send the messages in order; without a connection, send none and return False."""
         if not self.up.is_set():
             return False
         with suppress(RuntimeError):  # the link is closed
@@ -215,7 +230,7 @@ class _Channel:
         return True
 
     def end(self) -> None:
-        """Begin to end the connection after the pending messages are sent."""
+        """Start to end the connection, after the pending messages are sent."""
         if self._thread.is_alive():
             with suppress(RuntimeError):
                 self._loop.call_soon_threadsafe(self._ending.set)
@@ -271,13 +286,7 @@ TELEMETRY = (
 """The messages of robots, cameras and a simulated site."""
 
 FROM_PEOPLE = (*additions.SIGNED, RecordsAsked, Countersignature, StopAsked)
-"""The messages of people: members and command of the site, requests of joined consoles."""
-
-CONNECT_S = 5.0
-RETAINED_S = 0.3
-"""Retained messages are complete after this silence, seconds; live messages never end."""
-MOST_RETAINED_S = 10.0
-"""The longest wait for retained messages, seconds."""
+"""The messages of people: signed messages, and the requests of joined consoles."""
 
 
 @dataclass(frozen=True)
@@ -297,9 +306,10 @@ def join(
     credentials: Credentials | None = None,
     telemetry: Credentials | None = None,
 ) -> JoinedBus:
-    """Connect to the broker and receive the retained messages; raises ValueError without a broker.
+    """Connect to the broker, and receive the retained messages.
 
-    `telemetry` are the credentials of the connection that only receives.
+    `telemetry` are the credentials of the connection that only receives. Raises ValueError if there
+    is no connection within CONNECT_S.
     """
     link = StationLink(
         address, f"station-{secrets.token_hex(4)}", FROM_PEOPLE, credentials,
@@ -328,7 +338,7 @@ def join(
 
 
 def take_retained(link: StationLink) -> list[Delivery]:
-    """Return what comes until all that is retained has come, live messages among it."""
+    """Return the messages that arrive until all retained ones have, including live messages."""
     deliveries: list[Delivery] = []
     now = monotonic()
     end, quiet = now + MOST_RETAINED_S, now + RETAINED_S
@@ -342,9 +352,9 @@ def take_retained(link: StationLink) -> list[Delivery]:
 
 
 def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, ...]]:
-    """Return `world` with the robots that are on the bus and not in it, and a line about each.
+    """Return `world` with the new robots on the bus as assets, and a line about each of them.
 
-    Each becomes an asset of the kind that its factsheet shows, with that kind's platform.
+    The kind of an asset follows from the factsheet of the robot, and its platform from the kind.
     """
     found = [
         FoundRobot(identity.serial_number, kind_of(sheet), detail=f"of {identity.manufacturer}")
@@ -358,7 +368,7 @@ def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, .
 
 
 def kind_of(sheet: Factsheet) -> AssetKind:
-    """Return the kind of asset of a robot, by its class, else by its abilities."""
+    """Return the asset kind of a robot, from its class or else from the actions that it offers."""
     said = sheet.type_specification.mobile_robot_class.lower()
     named: Mapping[str, AssetKind] = {"uav": "uav", "ugv": "ugv", "robot": "robot"}
     if said in named:

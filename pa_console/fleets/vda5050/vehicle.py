@@ -1,7 +1,7 @@
-"""The robot's side of the protocol: accepted and refused orders, and its answers to them.
+"""The robot's side of the protocol, which accepts or refuses orders and reports their progress.
 
-It has no transport and no motors. An accepted order becomes a device command, at most once despite
-repetitions; the device's answers are its input, and both determine its state.
+This side needs no transport and no motors. An accepted order becomes a device command, at most once
+even if the order is repeated. The state follows from the orders and from the device's replies.
 """
 
 from collections import OrderedDict
@@ -27,26 +27,30 @@ from pa_console.fleets.vda5050.wire import Header, Identity, in_milliseconds
 from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
 
 Verify = Callable[[str | None, DeviceCommand], str]
-"""Returns why a command with this token is not carried out, "" when it is."""
+"""A function that returns why a command with this token is refused; "" if it is accepted."""
 
 AUTHORIZATION, TARGET = "authorization", "target"
 PAUSE, CANCEL, RESUME = "startPause", "cancelOrder", "stopPause"
 STOPPING = (PAUSE, CANCEL, "hold")
-"""Instant actions that stop a robot: carried out whenever they come, even under a known id."""
+"""The instant actions that stop a robot; they are carried out each time, even with a known id."""
 
 STATE_REQUEST, FACTSHEET_REQUEST = "stateRequest", "factsheetRequest"
 EXPIRY_S = 10.0
-"""An order is good for so long after it was sent; the broker drops it then, and so does a robot."""
+"""The validity of an order after it was sent, in seconds, for the broker and for robots."""
 
 MOST_KNOWN = 65_536
-"""The number of action ids that are remembered, so that no order is carried out twice."""
+"""The number of recent action ids that are remembered, so that no order is carried out twice."""
 
 MOST_TOLD = 32
-"""The number of ended actions in the state."""
+"""The largest number of ended actions in the state, and of refusals."""
 
 MOST_OPEN = 256
+"""The largest number of actions in the state."""
+
 ENDED = ("FINISHED", "FAILED")
 REFUSED_S = 30.0
+"""The time for which a refusal is part of the state, in seconds."""
+
 _STATUS: dict[ReplyStatus, ActionStatus] = {
     "acknowledged": "WAITING",
     "progress": "RUNNING",
@@ -57,15 +61,15 @@ _STATUS: dict[ReplyStatus, ActionStatus] = {
 
 
 def anybody(_token: str | None, _command: DeviceCommand) -> str:
-    """Take every command, as a site does that has no keys."""
+    """Accept every command, for a site without keys."""
     return ""
 
 
 @dataclass(frozen=True)
 class _TakenAction:
-    """An action that was taken; `device_id` is that of the device command that carries it out.
+    """An accepted action; `device_id` is the id of the device command that carries it out.
 
-    `command` is that command, for the action that it was made from.
+    `command` is that command; None if it was made for another action of the same message.
     """
 
     state: ActionState
@@ -82,14 +86,14 @@ class _Refusal:
 
 
 class Vehicle:
-    """One robot; `offers` are the verbs that it can carry out, `now` is its own clock (UTC).
+    """One robot; `offers` are the verbs that it can carry out, and `now` is its own clock (UTC).
 
-    A stop is carried out however often its id has arrived, so that a used id cannot block a stop.
-    No order that was sent before a stop is carried out after it.
+    A stop is carried out each time it arrives, so that a used id cannot block a stop. After a stop,
+    no order that was sent before it is carried out.
 
-    With `relays`, it represents a device beyond a lossy radio: it reports on a command only after
-    the device does, and forwards repetitions until the command has ended. Such a device must also
-    carry out each id once.
+    With `relays`, the robot represents a device behind a lossy radio. It then reports on a command
+    only after the device has, and forwards repetitions until the command has ended. Such a device
+    must also carry out each id only once.
     """
 
     def __init__(
@@ -105,19 +109,18 @@ class Vehicle:
         self._offers, self._now, self._verify = offers, now, verify
         self._began = in_milliseconds(now())
         self._known: OrderedDict[str, _TakenAction | None] = OrderedDict()
-        """The progress of every action, by its id; None after a refusal, or when it ended long
-        ago."""
+        """The progress of each action, by its id; None if the action was refused."""
         self._told: list[str] = []
         self._refusals: list[_Refusal] = []
         self._order: Order | None = None
         self._held_back: DeviceCommand | None = None
-        """An order that was taken while paused; whether it may be is checked when that ends."""
+        """An order that was accepted during a pause; it is verified when the pause ends."""
         self._held_token: str | None = None
         self._stopped = self._began
-        """When the latest stop was sent, by the station's clock and never later than now."""
+        """The time at which the latest stop was sent, by the station's clock, but not after now."""
 
     def take_order(self, order: Order) -> Iterator[DeviceCommand]:
-        """Take `order`, or refuse it in the state; yield the command that the device gets."""
+        """Accept `order`, or refuse it in the state; yield the command for the device."""
         actions = [action for node in order.nodes for action in node.actions]
         actions += [action for edge in order.edges for action in edge.actions]
         ids = [action.action_id for action in actions]
@@ -148,7 +151,7 @@ class Vehicle:
                     yield command
 
     def take_actions(self, message: InstantActions) -> Iterator[DeviceCommand]:
-        """Take instant actions, or refuse them in the state; yield what the device gets."""
+        """Accept instant actions, or refuse them in the state; yield the device's commands."""
         misdirected = self._misdirected(message)
         stopping = ""
         for action in message.actions:
@@ -198,7 +201,7 @@ class Vehicle:
         self._refuse("VALIDATION_FAILURE", why, ())
 
     def hear(self, reply: CommandReply) -> None:
-        """Take in what the device answers to a command."""
+        """Process the device's reply to a command."""
         for action_id in self._told:
             known = self._known.get(action_id)
             if known is None or known.device_id != reply.command_id:
@@ -215,7 +218,7 @@ class Vehicle:
 
     @property
     def action_states(self) -> tuple[ActionState, ...]:
-        """The progress of the actions of orders, the latest last."""
+        """The progress of the orders' actions, the latest last."""
         return tuple(known.state for known in self._recent() if not known.instant)
 
     @property
@@ -225,14 +228,14 @@ class Vehicle:
 
     @property
     def errors(self) -> tuple[Error, ...]:
-        """The reasons of recent refusals."""
+        """The reasons for recent refusals."""
         now = self._now()
         self._refusals = [r for r in self._refusals if (now - r.at).total_seconds() < REFUSED_S]
         return tuple(refusal.error for refusal in self._refusals)
 
     @property
     def order_id(self) -> str:
-        """The id of the order that was taken last, "" for none."""
+        """The id of the last accepted order; "" if there is none."""
         return self._order.order_id if self._order is not None else ""
 
     @property
@@ -241,7 +244,7 @@ class Vehicle:
         return any(state.action_status not in ENDED for state in self.action_states)
 
     def way_ahead(self) -> tuple[tuple[NodeState, ...], tuple[EdgeState, ...]]:
-        """Return the node that the robot is going to and the way there, none when it is idle."""
+        """Return the node to which the robot goes, and the edge to it; both empty if it is idle."""
         if self._order is None or not self.active:
             return (), ()
         last = self._order.nodes[-1]
@@ -267,7 +270,10 @@ class Vehicle:
         return ""
 
     def _objection(self, message: Header) -> str:
-        """Return why a message that may move the robot is not for it or not of now."""
+        """Return why a message that may move the robot is refused; "" if it is accepted.
+
+        It must be for this robot, and neither too old nor older than the last stop.
+        """
         age_s = (self._now() - message.timestamp).total_seconds()
         if why := self._misdirected(message):
             return why
@@ -282,7 +288,7 @@ class Vehicle:
         return ""
 
     def _command(self, action: RobotAction, node: Node) -> DeviceCommand | None:
-        """Return the command that `action` stands for, None for one that is not offered."""
+        """Return the command for `action`; None if the robot does not offer it."""
         offered: dict[str, Verb] = {verb: verb for verb in self._offers if verb != "hold"}
         verb = offered.get(action.action_type)
         if verb is None:
@@ -301,7 +307,7 @@ class Vehicle:
             return None
 
     def _again(self, ids: Iterable[str]) -> Iterator[DeviceCommand]:
-        """Pass a repeated command on, unchanged, to a device that may not have received it."""
+        """Yield a repeated command again, unchanged, for a device that may not have received it."""
         for action_id in ids:
             known = self._known[action_id]
             if not self._relays or known is None or known.command is None:
@@ -312,7 +318,7 @@ class Vehicle:
     def _note(
         self, action: RobotAction, status: ActionStatus, carried_by: DeviceCommand | str
     ) -> None:
-        """Note an action that was taken, and the command that carries it out, or its id."""
+        """Record an accepted action; `carried_by` is its device command, or the id of that."""
         state = ActionState(
             action_id=action.action_id, action_type=action.action_type, action_status=status
         )
@@ -342,7 +348,7 @@ class Vehicle:
     def _refuse(
         self, kind: str, why: str, about: tuple[tuple[str, str], ...], *, keep: bool = False
     ) -> None:
-        """Report in the state why an action is refused; a refused id stays refused."""
+        """Report the reason for a refusal in the state; unless `keep`, the id stays refused."""
         if not keep:
             for key, value in about:
                 if key == "actionId" and value:
@@ -359,7 +365,7 @@ class Vehicle:
         self._refusals = [*self._refusals, _Refusal(error, self._now())][-MOST_TOLD:]
 
     def _released(self) -> Iterator[DeviceCommand]:
-        """Yield the order that waited for the pause to end, if it may be carried out now."""
+        """Yield the order that waited for the end of the pause, if it can be verified now."""
         waiting = self._held_back
         if waiting is None:
             return
@@ -371,7 +377,7 @@ class Vehicle:
         yield waiting
 
     def _end_held_back(self, why: str) -> None:
-        """End an order that waits for the pause to end: it is carried out no more."""
+        """End an order that waits for the end of the pause, without carrying it out."""
         if (waiting := self._held_back) is not None:
             self._held_back = None
             self.hear(

@@ -1,4 +1,4 @@
-"""The wire format of messages: strict, limited in size, of this version, on numbered topics."""
+"""The wire format of messages: strict types, size limits, headers, topics and message numbers."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -20,16 +20,19 @@ from pydantic.alias_generators import to_camel
 
 VERSION = "3.0.0"
 MOST_BYTES = 256 * 1024
-"""The largest message, bytes; no message of the protocol needs more."""
+"""The largest accepted message, in bytes; no message of the protocol needs more."""
 MOST_ITEMS = 1000
+"""The largest accepted number of items in a list of a message."""
+MAJOR = "v3"
+"""The part of a topic for the version."""
 
 
 class UnreadableError(ValueError):
-    """An invalid message for its topic; the text has the reason in one line."""
+    """Raised with a reason of one line if a message is not valid for its topic."""
 
 
 def in_milliseconds(time: datetime) -> datetime:
-    """Return `time` as it reads once it has been on the bus."""
+    """Return `time` with the precision of the bus, which is milliseconds."""
     return time.replace(microsecond=time.microsecond // 1000 * 1000)
 
 
@@ -44,29 +47,29 @@ def _of_this_version(version: str) -> str:
 
 
 Stamp = Annotated[AwareDatetime, PlainSerializer(_written, when_used="json")]
-"""When a message was sent, UTC; milliseconds on the bus."""
+"""The time at which a message was sent, in UTC with milliseconds on the bus."""
 
 Text = Annotated[str, StringConstraints(max_length=2000)]
 Token = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]+$", max_length=64)]
 """A part of a topic: a manufacturer or a serial number."""
 
 Id = Annotated[str, StringConstraints(pattern=r"^[ -~]*$", max_length=128)]
-"""An identifier chosen by another program: printable ASCII, "" for none."""
+"""An identifier chosen by another program, in printable ASCII; "" for none."""
 
 T = TypeVar("T")
 Items = Annotated[tuple[T, ...], FailFast()]
-"""A list in a message; the first wrong item ends its reading, so that none costs much to refuse."""
+"""A list in a message; validation stops at the first wrong item, so that a refusal costs little."""
 
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Finite = Annotated[float, Field(ge=-1e7, le=1e7)]
-"""A coordinate in metres or a speed; nothing on this planet is farther away."""
+"""A coordinate in metres or a speed; the limit is larger than any distance on earth."""
 
 
 class Wire(BaseModel):
-    """An immutable part of a message, named in camel case on the bus.
+    """An immutable part of a message, with field names in camel case on the bus.
 
-    A field that we do not know is left out: the standard lets a manufacturer add some. A known one
-    of another type, or a number that is none, makes the message unreadable.
+    Unknown fields are ignored, because the standard allows manufacturers to add fields. A known
+    field of the wrong type, or a number that is not finite, makes the message invalid.
     """
 
     model_config = ConfigDict(
@@ -82,7 +85,7 @@ class Wire(BaseModel):
 
 
 class Header(Wire):
-    """The header of every message; `header_id` counts the messages of one topic."""
+    """The header of every message; `header_id` counts the messages on one topic."""
 
     TOPIC: ClassVar[str]
 
@@ -94,7 +97,7 @@ class Header(Wire):
 
     @classmethod
     def read(cls, payload: bytes) -> Self:
-        """Return the message in `payload`; raises UnreadableError that describes the problem."""
+        """Return the message in `payload`; raises UnreadableError if it is not valid."""
         if len(payload) > MOST_BYTES:
             raise UnreadableError(f"{len(payload)} bytes, more than {MOST_BYTES} are not read")
         try:
@@ -108,11 +111,10 @@ class Header(Wire):
             raise UnreadableError("nested too deep") from None
 
     def write(self) -> bytes:
-        """Return the message as it goes on the bus; what is not set is left out."""
+        """Return the message in the form for the bus, without fields that are None."""
         return self.model_dump_json(exclude_none=True).encode()
 
 
-MAJOR = "v3"
 _TOKEN: TypeAdapter[str] = TypeAdapter(Annotated[str, Token])
 
 
@@ -124,7 +126,7 @@ class Identity(NamedTuple):
 
 
 class Topic(NamedTuple):
-    """`<interface>/v3/<manufacturer>/<serial number>/<name>`."""
+    """A topic of the form `<interface>/v3/<manufacturer>/<serial number>/<name>`."""
 
     interface: str
     identity: Identity
@@ -132,7 +134,7 @@ class Topic(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> Self | None:
-        """Return the parts of a topic, None when it is not of this form."""
+        """Return the parts of the topic `text`; None if it does not have this form."""
         parts = text.split("/")
         if len(parts) != 5 or parts[1] != MAJOR:
             return None
@@ -148,7 +150,7 @@ class Topic(NamedTuple):
 
 
 class Numbers:
-    """Counts messages by `<serial number>/<topic>`."""
+    """The numbers of sent and received messages, by `<serial number>/<topic>`."""
 
     def __init__(self) -> None:
         self._sent: dict[str, int] = {}
@@ -168,14 +170,14 @@ class Numbers:
         }
 
     def fresh(self) -> dict[str, int]:
-        """Return the number of the last message by topic, of those sent since the last call."""
+        """Return the number of the last message on each topic with messages since the last call."""
         fresh, self._fresh = self._fresh, {}
         return fresh
 
     def saw(self, identity: Identity, topic: str, number: int) -> None:
-        """Note that the message of this number has come."""
+        """Record that the message with this number has arrived."""
         self._seen[f"{identity.serial_number}/{topic}"] = number
 
     def has_seen(self, numbers: Mapping[str, int]) -> bool:
-        """Return whether every one of the messages has come, or a later one of its topic."""
+        """Return whether each of the messages, or a later one on its topic, has arrived."""
         return all(self._seen.get(key, 0) >= number for key, number in numbers.items())

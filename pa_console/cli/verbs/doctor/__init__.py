@@ -1,4 +1,4 @@
-"""`pa-console doctor`: says what is missing on this machine, and how to mend it."""
+"""`pa-console doctor`: the checks of this machine, with remedies."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import astuple
@@ -57,7 +57,7 @@ def doctor(
 
 
 def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
-    """Look at one thing after the other, when it is asked for; `tell` names what takes long."""
+    """Yield the checks one by one; `tell` gets a line before each slow check."""
     yield machine.check_python()
     yield from machine.check_build_tools()
     yield from machine.check_libraries()
@@ -78,7 +78,7 @@ def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
 
 
 def _print(checks: list[Check], missing: list[str]) -> None:
-    """Print the checks as a table, into a pipe as lines that are as long as their paths."""
+    """Print the checks as a table on a terminal, and as unwrapped lines elsewhere."""
     table = Table(box=None, pad_edge=False, show_header=False)
     for check in checks:
         text = f"{check.found}\n→ {check.remedy}" if check.remedy else check.found
@@ -99,7 +99,7 @@ def _print(checks: list[Check], missing: list[str]) -> None:
 
 
 def _details(check: Check) -> Table:
-    """Return the table of a link's robots: what was found, and what will not work because of it."""
+    """Return the table of findings about a link's robots, with the consequences."""
     table = Table(box=None, pad_edge=False)
     for title in ("asset", "message or parameter", "found", "should be", "consequence"):
         table.add_column(title, overflow="fold")

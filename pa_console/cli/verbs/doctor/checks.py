@@ -1,4 +1,4 @@
-"""The checks of a machine: Python, libraries, settings, folders, links to robots, terminal."""
+"""The checks of this machine: Python, libraries, settings, folders, links to robots, terminal."""
 
 import importlib
 import logging
@@ -40,36 +40,38 @@ from pa_console.sim.worlds.world_file import open_world
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
 LEAST_FREE_MB = 200
+"""The free space below which a folder gets a warning, in megabytes."""
 COMFORTABLE, LEAST = (80, 24), (60, 18)
+"""The terminal sizes (columns, lines) for comfortable use, and for use at all."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at; `remedy` is empty when all is well."""
+    """The result of one check; `remedy` is empty if there is no problem."""
 
     name: str
     state: State
     found: str
     remedy: str = ""
     details: tuple[LinkFinding, ...] = ()
-    """The robots of a link, one by one."""
+    """The findings about the robots of a link."""
 
     @classmethod
     def graded(
         cls, name: str, good: bool, found: str, remedy: str, bad: State = "warning"
     ) -> "Check":
-        """Return a check that is ok if it is `good`; otherwise in state `bad`, with its remedy."""
+        """Return a check in the state ok if it is `good`, else in the state `bad` with a remedy."""
         return cls(name, "ok", found) if good else cls(name, bad, found, remedy)
 
 
 def check_python() -> Check:
-    """Look at the interpreter."""
+    """Check the version of Python."""
     found, good = f"{sys.version.split()[0]} in {sys.prefix}", sys.version_info >= (3, 11)
     return Check.graded("Python", good, found, "install 3.11 or newer", "missing")
 
 
 def check_build_tools() -> Iterator[Check]:
-    """Look for what llama.cpp is compiled with; without it nothing is missing once that is done."""
+    """Check the tools that compile llama.cpp, which are needed only until it is compiled."""
     built = _problem_of("llama_cpp") == ""
     compilers = (os.environ.get("CXX", ""), "c++", "g++", "clang++")
     for name, commands, package in (
@@ -84,7 +86,7 @@ def check_build_tools() -> Iterator[Check]:
 
 
 def check_libraries() -> Iterator[Check]:
-    """Import every library that the package asks for; extras are not looked at."""
+    """Check that every required library can be imported; extras are not checked."""
     try:
         asked = requires(PACKAGE) or []
     except PackageNotFoundError:
@@ -117,11 +119,11 @@ def _check_library(name: str, asked: str, modules: list[str]) -> Check:
 
 
 def _problem_of(module: str) -> str:
-    """Return why `module` cannot be imported, empty when it can."""
-    logging.getLogger(module).setLevel(logging.ERROR)  # matplotlib warns of folders it cannot make
+    """Return why `module` cannot be imported; '' if it can."""
+    logging.getLogger(module).setLevel(logging.ERROR)  # no warnings, e.g. of matplotlib's folders
     try:
         importlib.import_module(module)
-    except Exception as error:  # whatever a broken library raises when it is loaded
+    except Exception as error:  # a broken library may raise any error
         return f"{type(error).__name__}: {error}"
     return ""
 
@@ -131,7 +133,7 @@ def _canonical(name: str) -> str:
 
 
 def load_or_default() -> tuple[LoadedSettings, Check]:
-    """Return the settings, or the defaults when they cannot be used, and their check."""
+    """Return the settings and their check; if the settings are not valid, the defaults."""
     from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
     remedy = "correct it, or go back to the defaults: pa-console settings reset"
@@ -149,7 +151,7 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
 
 
 def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
-    """Look whether config, logs, cache and keys can be written, by their owner alone; at room."""
+    """Check the folders of config, logs, cache and keys: access, private rights and free space."""
     logs, change = loaded.values.logs or default_folder(), "pa-console settings set"
     for name, folder, field, rights in (
         ("config folder", loaded.path.parent, "PA_CONSOLE_SETTINGS", 0o022),
@@ -167,7 +169,7 @@ def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
 
 
 def check_sessions(folder: Path) -> Check:
-    """Check that every session of the index in `folder` is there, whole, and its own."""
+    """Check that every session in the index in `folder` exists, complete and unchanged."""
     name, remedy = "session logs", "bring them back from a copy; --verify of a log tells more"
     try:
         index = check_index(folder, known_keys())
@@ -179,7 +181,7 @@ def check_sessions(folder: Path) -> Check:
 
 
 def check_folder(name: str, folder: Path, field: str) -> Check:
-    """Look at one folder; `field` is how another one is chosen."""
+    """Check that a folder can be written and has free space; `field` selects another folder."""
     remedy = f"give yourself the right to write there, or choose another one: {field}"
     if why := unwritable(folder):
         return Check(name, "missing", f"{folder}: {why}", remedy)
@@ -191,7 +193,7 @@ def check_folder(name: str, folder: Path, field: str) -> Check:
 
 
 def check_broker(folder: Path) -> Check:
-    """Look whether the configuration of a site's broker ties client ids to certificates."""
+    """Check that the configuration of a site's broker ties client ids to certificates."""
     file = folder / CONFIGURATION
     try:
         lacks = unbound(file.read_text("utf-8"))
@@ -212,7 +214,7 @@ def check_broker(folder: Path) -> Check:
 
 
 def check_schemes() -> Iterator[Check]:
-    """Look for the kinds of robots that `--fleet` takes; a missing extra is no fault."""
+    """Check the kinds of links for `--fleet`; a missing extra is not a problem."""
     yield Check("link mqtt, mqtts", "ok", "robots on a message bus (VDA 5050)")
     for scheme, point in link_schemes().items():
         try:
@@ -222,7 +224,7 @@ def check_schemes() -> Iterator[Check]:
             if point in OWN:
                 found += f"; {install_hint(scheme)} adds it"
             yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
-        except Exception as error:  # whatever a package of somebody else raises when it is loaded
+        except Exception as error:  # a package from elsewhere may raise any error
             found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
             yield Check(f"link {scheme}", "warning", found, "ask who made it, or uninstall it")
         else:
@@ -230,7 +232,7 @@ def check_schemes() -> Iterator[Check]:
 
 
 def check_link(url: str, settings: Settings) -> Check:
-    """Look at the robots on the link at `url`, beside the world that the settings name."""
+    """Check the robots on the link at `url` against the world in the settings."""
     name = f"link {url}"
     try:
         world, _ = open_world(settings.world)
@@ -247,7 +249,7 @@ def check_link(url: str, settings: Settings) -> Check:
 
 
 def check_terminal() -> Iterator[Check]:
-    """Look at the terminal: size, colours, the characters it takes."""
+    """Check the terminal: its size, its colours and its characters."""
     if not sys.stdout.isatty():
         remedy = "run doctor in the terminal that the console is to run in"
         yield Check("terminal", "warning", "output goes to no terminal", remedy)
@@ -259,7 +261,7 @@ def check_terminal() -> Iterator[Check]:
 
 
 def check_size(columns: int, lines: int) -> Check:
-    """Look whether the console fits."""
+    """Check that the console fits on the terminal."""
     good = columns >= COMFORTABLE[0] and lines >= COMFORTABLE[1]
     bad: State = "missing" if columns < LEAST[0] or lines < LEAST[1] else "warning"
     remedy = "make it 80 x 24 at least, 100 x 30 for all panes"
@@ -267,7 +269,7 @@ def check_size(columns: int, lines: int) -> Check:
 
 
 def check_colours(system: str | None, plain: bool) -> Check:
-    """Report the terminal's colours; none are wanted when `plain`."""
+    """Check the terminal's colours; with `plain`, none are wanted."""
     if plain:
         return Check("colours", "ok", "none, as NO_COLOR asks")
     remedy = "export TERM=xterm-256color, and COLORTERM=truecolor if it has them"
@@ -275,6 +277,6 @@ def check_colours(system: str | None, plain: bool) -> Check:
 
 
 def check_unicode(encoding: str) -> Check:
-    """Look whether signs like ▲ arrive."""
+    """Check that the terminal can show characters such as ▲."""
     good = encoding.lower().replace("-", "") == "utf8"
     return Check.graded("Unicode", good, encoding, "export LANG=C.UTF-8", "missing")

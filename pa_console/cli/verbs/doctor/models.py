@@ -1,4 +1,4 @@
-"""The checks of the models: their files, the memory and speed of this machine, their servers."""
+"""The checks of the models: their files, their servers, and this machine's memory and speed."""
 
 import asyncio
 from collections.abc import Callable, Iterator
@@ -50,26 +50,27 @@ from pa_console.station.assembly import load_site
 SECOND_READER = "second reader"
 PINNED = "SHA-256 as the catalogue pins it"
 WORK_MB = 500
-"""Memory for the console, and for both models' processes beside their weights; measured: 400."""
+"""The memory for the console and both models' processes, without weights; 400 were measured."""
 MEMORY = Path("/proc/meminfo")
 SMALLER = "close other programs, or choose a smaller model: pa-console models list"
 
 LOOK_S = 0.4
+"""The duration of the measurement of the load, in seconds."""
 QUIET_SHARE = 0.2
-"""Up to this share of the cores may be busy on a machine that counts as idle."""
+"""The share of busy cores up to which a machine counts as idle."""
 
 SPEED = "model's speed"
 SPEED_MISSION = "Send a drone to look at the east gate."
 LIMIT_S = 10.0
-"""The longest measurement, seconds: `doctor` has to end soon."""
+"""The longest measurement of the speed, in seconds, because `doctor` must end soon."""
 ENOUGH_S = 5.0
-"""The time, seconds, within which a plan comes while the operator still looks at the screen."""
+"""The time for a plan up to which an operator keeps looking at the screen, in seconds."""
 
 SERVER = "model server"
 
 
 def check_model(name: str) -> Iterator[Check]:
-    """Look whether the model `name` (empty: the default one) is here, its hashes and its memory."""
+    """Check the model `name` ('' for the default): its files, their hashes and the memory."""
     try:
         catalog = Catalog.load()
         entry = catalog.get(name or catalog.default)
@@ -86,7 +87,7 @@ def check_model(name: str) -> Iterator[Check]:
 
 
 def check_files(entry: ModelEntry) -> Check:
-    """Hash every loaded file of a model, and report its comparison."""
+    """Check every loaded file of a model against its pinned hash."""
     path, pull = entry.local_file, f"pa-console models pull {entry.name}"
     if path is None:
         return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
@@ -109,7 +110,7 @@ def check_files(entry: ModelEntry) -> Check:
 
 
 def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[bool, str]:
-    """Return whether the prepared file may be loaded, or is yet to be made, and why."""
+    """Return whether the prepared file is valid or not made yet, and the reason in words."""
     path, pin = entry.prepared_file, entry.pin(how)
     held = "the catalogue's pin" if pin else "no pin: this machine's key signs its hash then"
     if path is None:
@@ -134,13 +135,13 @@ def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[
 
 
 def _loaded_mb(entry: ModelEntry) -> int:
-    """Return the megabytes of the file that is loaded, of the one to be fetched if none is here."""
+    """Return the size of the model's file in megabytes, or of its download if there is none."""
     file = entry.prepared_file or entry.local_file
     return entry.size_mb if file is None else file.stat().st_size // 10**6
 
 
 def _check_second_reader(entry: ModelEntry) -> Check:
-    """Hash the model that reads unclear orders again; the console works without it."""
+    """Check the second reader, without which the console works as well."""
     if entry.local_file is None:
         pull = f"pa-console models pull {entry.name}"
         found = f"{entry.name} is not here: an unclear order is read by one model only ({pull})"
@@ -149,7 +150,7 @@ def _check_second_reader(entry: ModelEntry) -> Check:
 
 
 def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
-    """Look whether the memory that is free holds models of `weights_mb`, and at the cores."""
+    """Check that the free memory is enough for models of `weights_mb`, and count the cores."""
     name, cores, needed = "memory, cores", physical_cores(), weights_mb + WORK_MB
     try:
         lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
@@ -166,7 +167,7 @@ def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
 def check_load(
     idle: Callable[[], float | None] = idle_seconds, wait: Callable[[float], None] = sleep
 ) -> Check:
-    """Look for LOOK_S seconds how many cores other programs leave."""
+    """Check for LOOK_S how many cores are busy with other programs."""
     began, before = perf_counter(), idle()
     wait(LOOK_S)
     after, seconds = idle(), perf_counter() - began
@@ -180,12 +181,12 @@ def check_load(
 
 
 def check_confinement() -> Check:
-    """Attempt in a process like the model's the acts that must be impossible."""
+    """Check the confinement: attempt the forbidden acts in a process like the model's."""
     return confinement_words(try_out())
 
 
 def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
-    """Report the confinement that holds for the model's process, and its gaps with reasons."""
+    """Return the check of the confinement of the model's process, with gaps and their reasons."""
     held = [item.what for item in restrictions if not item.missing]
     missing = [f"not kept from it: {i.what} ({i.missing})" for i in restrictions if i.missing]
     found = "; ".join([*missing, *held]) + ("" if missing else "; tried")
@@ -193,7 +194,7 @@ def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
 
 
 def check_speed(name: str) -> Check:
-    """Let the model `name` (empty: the default one) write one plan, if it is on this machine."""
+    """Check the speed of one plan of the model `name` ('' for the default), if it is here."""
     try:
         model = find_model(name or None)
     except ModelError as error:
@@ -208,7 +209,7 @@ def check_speed(name: str) -> Check:
 
 
 def speed_words(name: str, usage: Usage) -> Check:
-    """Return the speed of this machine as the time of one plan of the model `name`."""
+    """Return the check of this machine's speed, with the time for a plan of the model `name`."""
     prompt_tokens = usage.prompt_tokens - usage.cached_tokens
     fast = usage.seconds <= ENOUGH_S
     found = (
@@ -225,7 +226,7 @@ def _rate(tokens: int, seconds: float) -> str:
 
 
 async def _one_plan(model: LocalModel) -> Usage:
-    """Return what a plan costs; raises TimeoutError after LIMIT_S, and EngineError."""
+    """Return the usage of one plan; raises TimeoutError after LIMIT_S, and EngineError."""
     site = load_site("checkpoint", "checkpoint")
     engine = Engine(model)
     try:
@@ -253,7 +254,7 @@ async def _one_plan(model: LocalModel) -> Usage:
 
 
 def named_models(settings: Settings) -> SessionModels:
-    """Return the models that the settings name; those of this machine alone where that is wrong."""
+    """Return the models in the settings; if those are not valid, only this machine's model."""
     try:
         return session_models(settings.model, settings.judge_server, settings.second_reader)
     except ModelError:
@@ -261,7 +262,7 @@ def named_models(settings: Settings) -> SessionModels:
 
 
 def check_servers(named: SessionModels, settings: Settings) -> Iterator[Check]:
-    """Probe every server that is named; nothing is sent where none is."""
+    """Check every server in `named`; without servers, nothing is sent."""
     if settings.judge_server and "judge" not in named.named:
         remedy = "pa-console settings set judge_server openai:BASE_URL#SERVER"
         yield Check(SERVER, "missing", f"judge_server: {settings.judge_server!r} is none", remedy)
@@ -270,7 +271,7 @@ def check_servers(named: SessionModels, settings: Settings) -> Iterator[Check]:
 
 
 def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
-    """Ask the server `name` which way of constraining an answer holds, and look for its key."""
+    """Check the server `name`: the way to constrain its answers, and its key."""
     title = f"{SERVER}, {use}"
     try:
         engine = open_backend(name, BackendOptions(use, plain))

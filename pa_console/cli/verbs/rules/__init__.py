@@ -57,7 +57,7 @@ def _how(rule: Rule) -> str:
 
 
 def _tell_approvals(book: Rulebook) -> None:
-    """Show acts that need several people, and acts that standing orders may do unasked."""
+    """Print the acts that several people must approve, and those of standing orders unasked."""
     if book.unasked:
         told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
         out.print_line(told)
@@ -189,7 +189,7 @@ def pin(
 
 
 def seal_in_words(seal: RulesSeal) -> str:
-    """Return version, short hash and standing of a rule set, in words."""
+    """Return version, short hash and signature of a rule set, in words."""
     version = f"version {seal.version}" if seal.version else "no version"
     key = f" {seal.key}" if seal.standing == "unknown key" else ""
     return f"{version}, content {seal.content_sha256[:SHORT]}, {seal.words}{key}"
@@ -242,7 +242,7 @@ def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
 
 
 def _change_text(change: Change) -> Text:
-    """Return one difference: what it is of, then a line for each field."""
+    """Return the text of one difference: its subject, then a line for each field."""
     name = f"{change.part} {change.id}".strip() if change.part != "set" else "the set itself"
     lines = [Text(f"{change.kind}: {name}", style="bold")]
     lines += [Text("  ").append_text(_field_text(field)) for field in change.fields]

@@ -1,4 +1,4 @@
-"""`pa-console rules effect` and `rules trace`: rules in sessions that were recorded."""
+"""`pa-console rules effect` and `rules trace`: rules in recorded sessions."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -37,9 +37,10 @@ LOGS = typer.Argument(metavar="LOG...", help="Session logs, or folders of them."
 
 
 def find_logs(places: Sequence[Path]) -> list[Path]:
-    """Return every session log of `places`; a folder's other files are no logs and left out.
+    """Return every session log in `places`, which are logs or folders.
 
-    Raises ValueError when a place is not there, or holds no log at all.
+    Other files in a folder are ignored. Raises ValueError if a place does not exist, or if a folder
+    has no log.
     """
     found: list[Path] = []
     for place in places:
@@ -56,10 +57,10 @@ def find_logs(places: Sequence[Path]) -> list[Path]:
 
 
 class SessionEvents:
-    """The events of a log, once; `problem` says why they end before the log does, if they do."""
+    """The events of a log, for one iteration; `problem` is the reason if they end early."""
 
     def __init__(self, log: Path) -> None:
-        """Read how the session began; raises LogError for what is no session log."""
+        """Read the start of the session; raises LogError if the file is not a session log."""
         self.started = session_start(next(read_log(log), None), log)
         self._log = log
         self.problem = ""
@@ -78,7 +79,7 @@ def _is_log(path: Path) -> bool:
 
 @dataclass
 class Effects:
-    """The results by log or mission; `unread` has the logs that could not be read, and why."""
+    """The results by log or mission; `unread` has the reason for each log that is not readable."""
 
     found: dict[str, SessionEffect] = field(default_factory=dict[str, SessionEffect])
     unread: dict[str, str] = field(default_factory=dict[str, str])
@@ -86,12 +87,12 @@ class Effects:
 
     @property
     def flips(self) -> list[ChangedDecision]:
-        """Every decision that turns."""
+        """All decisions that change."""
         return [flip for effect in self.found.values() for flip in effect.flips]
 
     @property
     def gaps(self) -> list[Gap]:
-        """Every decision that cannot be made again."""
+        """All decisions that cannot be repeated."""
         return [gap for effect in self.found.values() for gap in effect.gaps]
 
 
@@ -189,7 +190,7 @@ def _missions(
 
 
 def _print_effects(effects: Effects) -> None:
-    """Print the changed and the undecidable results, by log; then the sums."""
+    """Print the changed decisions and the gaps by log, then the totals."""
     for place, found in effects.found.items():
         if not found.flips and not found.gaps and place not in effects.notes:
             continue
