@@ -159,7 +159,7 @@ class GateFact(StrictModel):
 
 
 class CoverageFact(StrictModel):
-    """The cover of a gate since the command."""
+    """The cover of a gate from the start of the mission to its end."""
 
     at_start: bool
     at_end: bool
@@ -193,7 +193,7 @@ class TrackFact(StrictModel):
 
 
 class Snapshot(StrictModel):
-    """The true state at the command or at the end."""
+    """The true state when the mission was submitted, or at its end."""
 
     assets: dict[str, AssetFact]
     gates: dict[str, GateFact]

@@ -164,7 +164,7 @@ class ForeseenFleet(ShownPicture):
         raise RuntimeError(f"{command.command_id} is for a fleet that is only foreseen")
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Do nothing; the picture keeps the assets that are under manual control in it."""
+        """Do nothing; the picture is fixed, including the assets marked as under manual control."""
 
     def step(self) -> Received:
         """Return nothing, because the picture does not change."""

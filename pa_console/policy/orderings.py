@@ -253,8 +253,8 @@ class WorkflowMove(NamedTuple):
 class WorkflowRun:
     """The progress of one track through one workflow; `position` counts phases from 0.
 
-    An expression that cannot be evaluated does not hold. The workflow then stays at its phase, and
-    the operator sees which one.
+    An expression that cannot be evaluated counts as false. The workflow then stays in its phase,
+    and the operator is shown the expression.
     """
 
     compiled: CompiledWorkflow

@@ -1,7 +1,7 @@
-"""Recorded sessions: summaries of their logs, their standing, and search by name.
+"""Recorded sessions: summaries, soundness, and search by name.
 
-A summary reads a log in one pass, and of telemetry only the start of each line: far faster than
-opening the log for a replay.
+A summary reads the log in one pass and parses only the start of each telemetry line, which is far
+faster than opening the log for a replay.
 """
 
 import fcntl

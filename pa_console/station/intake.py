@@ -65,7 +65,10 @@ class Arrivals:
 
 
 class Intake:
-    """The alarms of the site and the waiting missions; yields events, without a simulator."""
+    """The alarms of the site and the queue of waiting missions.
+
+    Methods return the events to emit; no simulator is needed.
+    """
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
         """Make an intake without alarms; with `respond`, alarms become missions."""

@@ -144,7 +144,7 @@ class ControlStation:
 
     @property
     def ground(self) -> GroundMap | None:
-        """The map of the ground that robots have made last, None for none."""
+        """The newest ground map made by the robots; None if there is none."""
         return self._fleet.background if isinstance(self._fleet, MapsGround) else None
 
     @property
@@ -596,7 +596,7 @@ class ControlStation:
     async def close(
         self, reason: str = "closed by the operator", *, judge_outcomes: bool = False
     ) -> None:
-        """Bring assets under way to safety and end the stream with a last event.
+        """Bring moving assets to safety, and end the stream with a last event.
 
         With `judge_outcomes`, wait for the outstanding verdicts on outcomes; otherwise events
         report that there are none. The call may be repeated or cancelled: all events are emitted in

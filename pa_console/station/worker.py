@@ -186,7 +186,10 @@ class MissionWorker:
         self._work.cancel()
 
     def change_steps(self, change: Change, by: str = "operator") -> None:
-        """Pause, resume or end the active order in steps; raises ValueError if not possible."""
+        """Pause, resume or end the active multi-step order.
+
+        Raises ValueError if there is none, or if `change` does not apply.
+        """
         if self._run is None or not self._run.in_steps:
             raise ValueError("no order in steps is under way")
         match change:

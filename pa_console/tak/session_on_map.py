@@ -69,7 +69,7 @@ class SiteOnMap:
         return "m-s" if self.replay else "m-g"
 
     def point(self, at: Point, ce: float = UNKNOWN, *, flies: bool = False) -> CotPoint:
-        """Return a place; the height of a flying asset is unknown."""
+        """Return `at` as a TAK point with error `ce`; if `flies`, its height is unknown."""
         latitude, longitude = self.geography.degrees(at)
         altitude = self.geography.altitude
         hae = UNKNOWN if flies or altitude is None else altitude

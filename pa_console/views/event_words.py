@@ -59,7 +59,7 @@ def safety_in_words(declared: Sequence[Action]) -> str:
         if action.target is not None and action.target not in known:
             known.append(action.target)
     parts = [
-        f"{agent} back to {' or '.join(places)} (holds if another covers it by then)"
+        f"{agent} back to {' or '.join(places)} (holds if another asset covers that gate by then)"
         for agent, places in back.items()
     ]
     holding = [*dict.fromkeys(a.agent for a in declared if a.agent not in back)]
@@ -188,7 +188,9 @@ def _session_event(data: ev.EventPayload) -> str:
         case ev.AgentMuted(agent=agent, muted=muted, by=by):
             words = f"{agent} {'muted' if muted else 'may propose again'}, by {by}"
         case ev.SessionResumed(interrupted=interrupted):
-            words = f"ended as held: {', '.join(interrupted)}" if interrupted else ""
+            words = (
+                f"interrupted, so ended as held: {', '.join(interrupted)}" if interrupted else ""
+            )
         case ev.AuthorityChanged(refusal=refusal):
             words = f"nothing is sent from here: {refusal}" if refusal else "in command"
         case ev.StepsPaused(paused=paused, by=by):
@@ -271,13 +273,13 @@ def _execution_event(data: ev.EventPayload) -> str:
         case ev.StopUnconfirmed(assets=assets):
             return unconfirmed_in_words(assets)
         case ev.MissionAwaitsAssets(assets=assets, again=again):
-            return f"{', '.join(assets)}{f' back, given anew as {again}' if again else ''}"
+            return f"{', '.join(assets)}{f' back, order queued again as {again}' if again else ''}"
         case _:
             return ""
 
 
 _REWORDED = tuple(f'"{kind}"' for kind in ("decision_made", "incident", "plan_checked"))
-"""Kinds of events whose line in lists has words that are not in the log."""
+"""The kinds of events for which lists show words that are not in the log."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 Tone = Literal["", "good", "bad", "warn", "calm", "quiet", "note"]
-"""The meaning of a text for the reader; each front end has its own colours for them."""
+"""The tone of a text; each front end maps the tones to its own colours."""
 
 
 class Status(NamedTuple):

@@ -346,7 +346,9 @@ def standing_order(read: StandingOrderRead) -> TraceSection:
         about = f"{start.subject}: " * bool(start.subject)
         blocks.append(labelled("now", f"{about}{start.order}", "warn"))
     if not read.now:
-        blocks.append(labelled("now", "it would start nothing", "quiet"))
+        blocks.append(
+            labelled("now", "the condition is not met, so no mission would start", "quiet")
+        )
     return TraceSection("standing", f"Standing order {order.id}", tuple(blocks), step=1)
 
 

@@ -49,7 +49,7 @@ _JSON_PART = re.compile(
 )
 _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
 MOST_GATES = 12
-"""The number of gates that a rehearsal lists in full; of more, only the affected ones are listed.
+"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones.
 """
 
 
@@ -390,7 +390,7 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     note = f"tick {given.tick}, {given.time_s:.1f} s"
     key = f"evidence-{attempt.number}"
     blocks = (labelled(stands, by), *facts)
-    return TraceSection(key, "Decided by this telemetry", blocks, step=6, note=note)
+    return TraceSection(key, "Telemetry used by the checks", blocks, step=6, note=note)
 
 
 def verdict(attempt: Attempt) -> TraceSection:

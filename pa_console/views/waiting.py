@@ -43,7 +43,7 @@ SHOWN_AFTER_S = 0.3
 
 _REMEMBERED = 20
 _LEAST = 3
-"""The number of durations from which a session's own median is the usual time."""
+"""The measured durations that are needed before their median counts as the usual time."""
 _CHARACTERS = 3.5
 """Characters per token, until an answer reports its number of tokens."""
 

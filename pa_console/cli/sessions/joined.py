@@ -101,7 +101,7 @@ class JoinedSession:
 
     @property
     def opening(self) -> str:
-        """The line that is shown while the console that takes command opens."""
+        """The line shown while a console opens that will take command."""
         return f"Opening the console that takes command; {self.station.station} commands ..."
 
     @contextmanager

@@ -146,7 +146,7 @@ def success_tables(records: Records) -> list[ReportTable]:
 
 
 def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
-    """Return Table I for one kind of success, for `hybrid` with the paper's columns."""
+    """Return Table I for the kind of success `name`; for `hybrid`, add the columns of the paper."""
     models = by_model(records)
     theirs = list(MODELS) if name == "hybrid" else []
     rows: list[tuple[str, ...]] = []

@@ -151,7 +151,10 @@ class Vehicle:
                     yield command
 
     def take_actions(self, message: InstantActions) -> Iterator[DeviceCommand]:
-        """Accept instant actions, or refuse them in the state; yield the device's commands."""
+        """Accept instant actions and yield the commands for the device.
+
+        A refusal is reported in the next `state` message.
+        """
         misdirected = self._misdirected(message)
         stopping = ""
         for action in message.actions:

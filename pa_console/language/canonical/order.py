@@ -214,9 +214,9 @@ Find = Callable[[str], Obstacle | None]
 
 
 def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
-    """Return why no part of `ask` can be carried out; None if at least a part can.
+    """Return what prevents all of `ask`, or None if any part of it can be carried out.
 
-    `find` returns the obstacle that keeps a named asset from its part.
+    `find` returns what prevents a named asset from doing its part.
     """
     if ask.place in world.zones:
         return Obstacle("closed", ask.place)

@@ -114,7 +114,10 @@ def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list
 
 
 def kept_merged_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the numbers of the merged pieces to keep, in order; every byte is a piece."""
+    """Return the indices of the vocabulary pieces to keep, in ascending order.
+
+    In a byte-level BPE model, every single byte is a piece, and all of these are kept.
+    """
     return [
         number
         for number, (word, kind) in enumerate(zip(words, types, strict=True))

@@ -166,7 +166,9 @@ class Prompt:
 
     @property
     def tokens(self) -> int:
-        """An estimate of the number of tokens, not too low for names of words and numbers.
+        """An estimate of the number of tokens.
+
+        It is high enough even for names made of words and digits, such as `Drone_T01`.
 
         It was compared with the tokenizers of the models that are trained for the console.
         """

@@ -113,9 +113,9 @@ def require_head(log: Path, session: str, seq: int, public: str | None) -> Signe
 
 
 class HeadKeeper:
-    """A thread that writes heads, each after the records that it covers are on the disk.
+    """A thread that writes each head after the records that it covers are on the disk.
 
-    A disk may take a second for that, and the screen freezes while its log waits.
+    Syncing can take a second; without the thread, the screen would freeze for that time.
     """
 
     def __init__(

@@ -27,9 +27,9 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.row_views import TextRows
 
 MOST_BESIDE = 2
-"""The most plans beside the waiting one; more are shown only if there are more readings."""
+"""The number of plans shown beside the waiting one, unless there are more readings."""
 
-OTHER_WAY = "another plan for the same reading, chosen beside the proposed one"
+OTHER_WAY = "another plan for the same reading, chosen instead of the proposed one"
 _LEAD = 10
 
 LIST_CELLS = 100

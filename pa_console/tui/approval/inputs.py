@@ -175,7 +175,7 @@ def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[Dec
     `made` are the decisions of the mission so far.
     """
     if not request.approvals:
-        return f"one person is enough: {joined.station} decides"
+        return f"this plan needs no second signature: {joined.station} decides"
     now = [each.decision for each in made if each.attempt == request.attempt]
     signed = any(joined.signer in decision.signatures for decision in now)
     return f"you have signed; {joined.station} decides" if signed else ""

@@ -61,7 +61,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             for key, button in DECISION_KEYS.items()
         ),
         *(
-            Binding(key, f"look_at({n})", "Look at that reading", show=False, priority=True)
+            Binding(key, f"look_at({n})", "Preview another reading", show=False, priority=True)
             for n, key in enumerate(READING_KEYS, start=1)
         ),
         Binding("space", "play", "Play the rehearsal", show=False),

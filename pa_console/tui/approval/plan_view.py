@@ -36,7 +36,7 @@ ROWS_ELSEWHERE = 6
 """The approximate number of terminal lines that are neither map nor panel."""
 
 WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""The largest share of the other lines for the panel, beside the map and below it."""
+"""The largest share of the remaining lines for the panel: beside the map, and below it."""
 
 LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 

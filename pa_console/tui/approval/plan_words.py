@@ -383,7 +383,9 @@ def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
     differs = request.read_apart and (sure is None or sure >= UNSURE)
     doubt = "Another reader differs" if differs else "Unsure"
     told = f" with {sure:.0%} confidence" if sure is not None else ""
-    yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{told} as: {asked}")
+    yield row(
+        ("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"planned for this reading{told}: {asked}"
+    )
 
 
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[WrappedRow]:
@@ -396,7 +398,7 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
         yield changed
     for fault in faults:
         yield row(("✘ ", BAD), (fault, BAD))
-    yield row("  ", ("Other assets may go once you choose this reading.", QUIET))
+    yield row("  ", ("If you choose this reading, the plan may use other assets.", QUIET))
 
 
 def reading_label(number: int, asked: str) -> Content:
@@ -416,7 +418,7 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
         yield fact("order", read.order.order_in_words)
         yield fact("approval", asked_in_words(read.order, read.allowed))
     else:
-        holds = "it holds from your approval until you revoke it or the session ends"
+        holds = "in force from your approval until you revoke it or the session ends"
         yield row(("▶ ", NOTE), (f"Standing order {read.order.id}: ", f"bold {NOTE}"), holds)
         yield from order_rows(read.order, read.allowed)
         if read.order.schedule is not None:
@@ -427,7 +429,7 @@ def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[Wrappe
         about = f"{start.subject}: " * bool(start.subject)
         yield fact("now", (about, "bold"), (start.order, WARN))
     if not read.now and read.order.condition:
-        yield fact("now", "it would start nothing: nothing meets the condition")
+        yield fact("now", "no mission now: the condition is not met")
 
 
 def order_rows(

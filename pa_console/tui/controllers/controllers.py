@@ -174,7 +174,10 @@ class ConsoleCommands(Provider):
             yield f"Theme {name}", partial(setattr, self.app, "theme", name), "Colours", ""
 
     async def discover(self) -> Hits:
-        """Yield the actions, the speeds, and the what-ifs of typical situations."""
+        """Yield the commands that are listed before anything is typed.
+
+        They are all actions, the simulation speeds, and typical incidents.
+        """
         for title, run, help_text, _ in self._actions():
             yield DiscoveryHit(title, run, help=help_text)
         for title, run, help_text, _ in self._simulation():

@@ -257,9 +257,10 @@ class MissionInput(TextField):
 
 
 class ReadingLine(Static):
-    """The reading of the order in the prompt, in place of the footer, so that nothing moves.
+    """The line that shows the reading of the order in the prompt.
 
-    It is a reading and never an approval: the line takes no key.
+    It replaces the footer, so the layout does not shift. It takes no keys, so it cannot approve
+    anything.
     """
 
     DEFAULT_CSS = """
