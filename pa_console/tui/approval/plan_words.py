@@ -383,9 +383,7 @@ def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
     differs = request.read_apart and (sure is None or sure >= UNSURE)
     doubt = "Another reader differs" if differs else "Unsure"
     told = f" with {sure:.0%} confidence" if sure is not None else ""
-    yield row(
-        ("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"planned for this reading{told}: {asked}"
-    )
+    yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{told} as: {asked}")
 
 
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[WrappedRow]:
