@@ -74,6 +74,16 @@ async def test_a_refused_mission_stays_in_the_field(show: Show) -> None:
         assert notices(app) == ["the queue is full"]
 
 
+async def test_enter_sends_the_text_of_its_moment_however_late_it_is_handled(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
+        field = app.screen.query_one(MissionInput)
+        field.text = "go north"
+        field.action_send()
+        field.text = "go east"
+        await settle(pilot)
+        assert station.submitted == ["go north"]
+
+
 async def test_escape_leaves_the_field_and_keeps_the_text(show: Show) -> None:
     async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press(*"half", "escape", "i")

@@ -65,8 +65,11 @@ class MissionInput(TextField):
         Binding("down", "later", "Later mission", show=False),
     ]
 
+    @dataclass
     class Sent(Message):
-        """Posted when Enter sends the text."""
+        """Posted when Enter sends `text`, the text at that moment."""
+
+        text: str
 
     class CursorMoved(Message):
         """Posted when the cursor or the text around it has changed."""
@@ -134,7 +137,7 @@ class MissionInput(TextField):
             self._put_at_s = now_s
         else:
             self._put_at_s = None
-            self.post_message(self.Sent())
+            self.post_message(self.Sent(self.text))
 
     # Texts that are put here
 
@@ -336,15 +339,15 @@ class MissionPrompt(Horizontal):
         """Post the text as a mission, unless it is empty or has an open slot."""
         event.stop()
         field = self.query_one(MissionInput)
-        if slots(self.draft):
+        if slots(event.text):
             field.select_slot(0)
-            assert field.slot is not None
+            kind = field.slot.kind if field.slot is not None else "slot"
             self.notify(
-                f"{{{field.slot.kind}}} is still open: type a name, or click it on the map",
+                f"{{{kind}}} is still open: type a name, or click it on the map",
                 title="Not sent", severity="warning", markup=False,
             )  # fmt: skip
-        elif self.draft.strip():
-            self.post_message(self.Given(self.draft))
+        elif event.text.strip():
+            self.post_message(self.Given(event.text))
 
     @on(events.DescendantFocus)
     @on(events.DescendantBlur)
