@@ -346,7 +346,7 @@ class _OrderWords:
                 yield UnsupportedPart("place", ask.place)
             for name in filter(None, (*ask.who.names, ask.leaving)):
                 left = name == ask.leaving and _at(self._picture, name) in self._names
-                if not left and not self._has_asset(name):
+                if not (left or self._has_asset(name) or self._is_described(name, ask.place)):
                     yield UnsupportedPart("asset", name)
             yield from self._team(ask.who)
             if not self._has_task(ask):
@@ -400,6 +400,27 @@ class _OrderWords:
         free = [other for other in team if other in assets and is_free(assets[other], alone)]
         return team == [name] or free == [name]
 
+    def _is_described(self, name: str, destination: str) -> bool:
+        """Return whether a word of its name or kind, and where it stands, mean only this asset.
+
+        A word such as *Steward* is enough if one asset is called that. The place where it is sent
+        describes nobody: *a drone to West* does not mean the drone that is there.
+        """
+        spec = self._world.assets.get(name)
+        if spec is None:
+            return False
+        spoken = _name_words(name) & {_singular(word) for word in _NAME.findall(self._text)}
+        if spoken:
+            team = [other for other in self._world.assets if spoken <= _name_words(other)]
+        elif self._has_kind(spec.kind):
+            team = [other for other, each in self._world.assets.items() if each.kind == spec.kind]
+        else:
+            return False
+        place = _at(self._picture, name)
+        there = [other for other in team if _at(self._picture, other) == place]
+        placed = place in self._names and place != destination and there == [name]
+        return placed or (bool(spoken) and team == [name])
+
     def _team(self, team: Who) -> Iterator[UnsupportedPart]:
         if team.kind is not None and not self._has_kind(team.kind):
             yield UnsupportedPart("kind", PLAIN_KINDS[team.kind])
@@ -425,8 +446,7 @@ class _OrderWords:
     def _teams(self, kind: AssetKind) -> set[str]:
         """Return the words in the names of assets of `kind`."""
         names = (name for name, spec in self._world.assets.items() if spec.kind == kind)
-        words = (word.lower() for name in names for word in WORD.findall(name))
-        return {word for word in words if len(word) > 1 and word.isalpha()}
+        return {word for name in names for word in _name_words(name)}
 
     def _has_task(self, ask: Ask) -> bool:
         """Return True if a word means the task or none is needed, as in `van at east`."""
@@ -450,6 +470,12 @@ def _asks(asked: str) -> Iterator[Ask]:
     for part in (case[1], case[2]) if case is not None else (words,):
         reading = read_asked(f"{ASKED}{part}") or Reading(())
         yield from reading.asks
+
+
+def _name_words(name: str) -> set[str]:
+    """Return the words of an asset's name in lower case, without letters that stand alone."""
+    words = (word.lower() for word in WORD.findall(name))
+    return {word for word in words if len(word) > 1 and word.isalpha()}
 
 
 def _words(line: str) -> list[str]:

@@ -72,6 +72,9 @@ class ReadOrder(StrictModel):
     """Whether that is what was meant, or its plan gives the orders that are right for it."""
     state: ApprovalState | None
     confidence: float | None
+    gaps: tuple[str, ...] = ()
+    """The evidence in the order's words against the reading."""
+    read_apart: bool = False
 
 
 class KnownOrder(NamedTuple):
@@ -131,6 +134,8 @@ class OrderReader:
             right=right(shown.best.asked, plans[shown.best.asked]),
             state=_state(shown),
             confidence=shown.confidence,
+            gaps=shown.best.gaps_told,
+            read_apart=shown.read_apart,
         )
 
 
