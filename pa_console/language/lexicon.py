@@ -19,7 +19,7 @@ from pa_console.language.canonical.order import Task
 
 _IDIOM = re.compile(r"\bcan wait\b|\bhold fire\b|\bcan stay\b")
 """Phrases in which a plain word asks for nothing."""
-_ENDINGS = ("s", "es", "ed", "d", "ing")
+_ENDINGS = ("s", "es", "ed", "d", "ing", "in")
 _AS_THEY_STAND = frozenset(("in", "out", "over", "off", "for", "through", "who", "what", "how"))
 
 
@@ -83,10 +83,14 @@ class VerbMention(NamedTuple):
 
 
 def find_verbs(text: str) -> Iterator[VerbMention]:
-    """Yield the words and phrases of `text` that are in the lexicon, with their tasks."""
+    """Yield the words and phrases of `text` that are in the lexicon, with their tasks.
+
+    A compound that is not there counts as its first word: *look-down* as *look*.
+    """
     low = text.lower()
     for found in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
-        if groups := _forms().get(found[0]):
+        forms = _forms()
+        if groups := forms.get(found[0]) or forms.get(found[0].partition("-")[0]):
             plain = found[0] in _plain() and not _IDIOM.search(low, *_around(found))
             yield _verb(found[0], found.start(), groups, plain)
     for phrase, pattern, group in _phrases():
@@ -131,14 +135,14 @@ def _phrases() -> tuple[tuple[str, re.Pattern[str], SynonymGroup], ...]:
 
 
 def _forms_of(word: str) -> Iterator[str]:
-    """Yield `word` and its forms with endings: `moving`, `stopped`, `carries`."""
+    """Yield `word` and its forms with endings: `moving`, `movin`, `stopped`, `carries`."""
     yield word
     if word in _AS_THEY_STAND:
         return
     yield from (word + ending for ending in _ENDINGS)
     if word.endswith("e"):
-        yield from (word[:-1] + ending for ending in ("ing", "ed"))
+        yield from (word[:-1] + ending for ending in ("ing", "in", "ed"))
     elif word.endswith("y"):
         yield from (word[:-1] + ending for ending in ("ies", "ied"))
     elif len(word) > 2 and word[-1] in "bdgmnpt":
-        yield from (word + word[-1] + ending for ending in ("ing", "ed"))
+        yield from (word + word[-1] + ending for ending in ("ing", "in", "ed"))

@@ -335,7 +335,8 @@ class _OrderWords:
     def lacking(self, made: _OrderResult) -> Iterator[UnsupportedPart]:
         """Yield what `made` names and nothing here supports."""
         for name in made.subjects:
-            if name in self._world.assets and not self._has_asset(name):
+            guards = self._is_guard_of_a_bare_gate(name)
+            if name in self._world.assets and not (guards or self._has_asset(name)):
                 yield UnsupportedPart("asset", name)
             if name in self._world.frames and name not in self._names:
                 yield UnsupportedPart("place", name)
@@ -399,6 +400,12 @@ class _OrderWords:
         alone, assets = {*sole_covers(self._picture).values()}, self._picture.assets
         free = [other for other in team if other in assets and is_free(assets[other], alone)]
         return team == [name] or free == [name]
+
+    def _is_guard_of_a_bare_gate(self, name: str) -> bool:
+        """Return whether `name` alone covers a gate that is named: *if West is uncovered*."""
+        covers = sole_covers(self._picture).items()
+        guards = any(guard == name and gate in self._names for gate, guard in covers)
+        return guards and _BARE.search(self._text) is not None
 
     def _is_described(self, name: str, destination: str) -> bool:
         """Return whether a word of its name or kind, and where it stands, mean only this asset.

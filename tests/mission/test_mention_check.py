@@ -44,6 +44,12 @@ def check(site: Site, text: str, asked: str, plan: Plan = NOTHING) -> MentionChe
          "Robot_T01 to SouthGate"),
         ("Send a robot to the north gate, but not Robot_T01", "1 robot to NorthGate"),
         ("Robot_T01 to the main base", "Robot_T01 home"),
+        ("Drone four, a quick look-down on the west gate.", "Drone_T04 look at WestGate"),
+        ("what's the west gate lookin like", "report at WestGate"),
+        ("Robot one, don't you move.", "Robot_T01 hold"),
+        ("the checkpoint wagon across the south gate to block it", "Ugv_T02 block SouthGate"),
+        ("If West is uncovered, Drone four to West.", "if Drone_T01 down: Drone_T04 to WestGate, "
+         "else: nothing; now: Drone_T01: alone, not so"),
         ("leave the west drone exactly where it is", "Drone_T01 hold"),
         ("the drone over the checkpoint goes to the east gate", "Drone_T04 to EastGate"),
         ('Send "Robot_T01" to the "north gate".', "Robot_T01 to NorthGate"),
@@ -78,6 +84,12 @@ def test_a_right_reading_has_no_gap(site: Site, text: str, asked: str) -> None:
         ),
         ("A drone to the west gate, but not Drone_T03.", "Drone_T03 to WestGate", "Drone_T03"),
         ("Send a drone to the east gate.", "1 drone to WestGate", "EastGate"),
+        (
+            "If a car is at West, Drone four to West.",
+            "if Drone_T01 down: Drone_T04 to WestGate, "
+            "else: nothing; now: Drone_T01: alone, not so",
+            "words: Drone_T01",
+        ),
         ("A drone to the west gate.", "Drone_T01 to WestGate", "words: Drone_T01"),
         ("The drone at the west gate goes home.", "Drone_T02 home", "words: Drone_T02"),
         ("What is at the west gate goes home.", "Drone_T01 home", "words: Drone_T01"),
