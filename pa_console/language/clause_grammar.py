@@ -87,23 +87,23 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
     `words` are those of the mission. For an order under a condition, both cases must be readable.
     With `facts`, the facts that decide may follow.
     """
-    told, tracks = told_assets(world, digest), tracks_of_digest(digest.tracks)
+    assets_shown, tracks = told_assets(world, digest), tracks_of_digest(digest.tracks)
     frames = [*told_frames(world, digest), *world.zones]
-    known = {*told, *frames, *(contact.id for contact in tracks)}
-    said = [*map(exactly, (n for n in _names_in(link_names(world, words)) if n not in known))]
-    assets = _either((*dict.fromkeys(map(_numbered, told)), *said))
-    places = _either((*map(exactly, frames), *said))
-    targets = _either((*(exactly(contact.id) for contact in tracks), *said))
-    gates = _either((*map(exactly, _gates(world, frames)), *said))
+    existing = {*assets_shown, *frames, *(contact.id for contact in tracks)}
+    unknown = [*map(exactly, (n for n in _names_in(link_names(world, words)) if n not in existing))]
+    assets = _either((*dict.fromkeys(map(_numbered, assets_shown)), *unknown))
+    places = _either((*map(exactly, frames), *unknown))
+    targets = _either((*(exactly(contact.id) for contact in tracks), *unknown))
+    gates = _either((*map(exactly, _gates(world, frames)), *unknown))
     seen = (f"{exactly(track.id)} at ({exactly(track.gate)}|{NOWHERE})" for track in tracks)
-    guards = (*_guards(told, digest, gates), *(f"{name} at {gates}" for name in said))
+    guards = (*_guards(assets_shown, digest, gates), *(f"{name} at {gates}" for name in unknown))
     clause = clause_pattern(
         NamePatterns(
             asset=assets,
             place=places,
             gate=gates,
-            team=_teams(digest, said),
-            track=_either((*seen, *(f"{name} at {gates}" for name in said))),
+            team=_teams(digest, unknown),
+            track=_either((*seen, *(f"{name} at {gates}" for name in unknown))),
             guard=_either(guards),
         )
     )
@@ -117,14 +117,14 @@ def _gates(world: World, frames: Iterable[str]) -> list[str]:
     return [name for name in frames if name in world.frames and world.frames[name].kind == "gate"]
 
 
-def _guards(told: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
+def _guards(assets: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
     """Yield each asset that can be relieved with its place, or any gate if that is unknown."""
-    for name in told:
+    for name in assets:
         at = stands_at(digest, name) if name in digest.posts else digest.stood.get(name, "")
         yield f"{exactly(name)} at {exactly(at) if at else gates}"
 
 
-def _teams(digest: Digest, said: Iterable[str]) -> str:
+def _teams(digest: Digest, unknown: Iterable[str]) -> str:
     """Return the expression for a number of assets of a kind, or of any kind, with their origin.
 
     Kinds without assets are included.
@@ -134,7 +134,7 @@ def _teams(digest: Digest, said: Iterable[str]) -> str:
         **TEAM_SLOTS,
         "count": f"({TEAM_SLOTS['count']})",
         "kind": f"({TEAM_SLOTS['kind']})",
-        "origin": _either((*there, *said)),
+        "origin": _either((*there, *unknown)),
     }
     return TEAM.pattern(slots)
 
@@ -158,10 +158,10 @@ def _names_in(text: str) -> Iterable[str]:
 
 def _numbered(name: str) -> str:
     """Return the expression for `name` and for any other number of its team."""
-    found = [*_NUMBER.finditer(name)]
-    if not found:
+    numbers = [*_NUMBER.finditer(name)]
+    if not numbers:
         return exactly(name)
-    start, end = found[-1].span()
+    start, end = numbers[-1].span()
     return rf"{exactly(name[:start])}[0-9]{{{end - start}}}{exactly(name[end:])}"
 
 
@@ -170,19 +170,19 @@ def _either(ways: Iterable[str]) -> str:
     return f"({'|'.join(ways) or '~~'})"
 
 
-def asked_now(world: World, digest: Digest, asked: str) -> str:
-    """Return the earlier reading `asked`, updated to the picture of `digest`.
+def asked_now(world: World, digest: Digest, reading: str) -> str:
+    """Return the earlier reading `reading`, updated to the picture of `digest`.
 
     A condition is written with its present state if the digest decides it.
     """
-    meant, under, then = asked.partition("; now: ")
+    case, under, then = reading.partition("; now: ")
     for condition in conditions(world, digest) if under else ():
-        if meant.startswith(f"{ASKED}if {in_words(condition)}: "):
+        if case.startswith(f"{ASKED}if {in_words(condition)}: "):
             _, limits = parted(then.split("; "))
             so = _SO[holds(condition, DigestFacts(digest))]
             stands = "; ".join((f"; now: {evidence(condition, digest)}, {so}", *limits))
-            return meant + stands if so in ("so", "not so") else asked
-    return asked
+            return case + stands if so in ("so", "not so") else reading
+    return reading
 
 
 def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:

@@ -104,8 +104,8 @@ def demands_of(world: World, text: str) -> Demands:
     )
     if corrects or _CORRECTING & {*words}:
         return Demands()
-    found = _Reading(world, linked, text, tokens).demands()
-    return Demands(tuple(found), bool((_LATER | _BACK) & {*words}))
+    clauses = _Reading(world, linked, text, tokens).demands()
+    return Demands(tuple(clauses), bool((_LATER | _BACK) & {*words}))
 
 
 @dataclass
@@ -136,10 +136,10 @@ class _Reading:
         for clause in self._clauses():
             if not clause.tokens:
                 continue
-            found = self._demand(clause, before)
-            if found is not None:
-                yield found
-            before = found
+            demand = self._demand(clause, before)
+            if demand is not None:
+                yield demand
+            before = demand
 
     def _clauses(self) -> Iterator[_DemandClause]:
         sentence: list[_DemandClause] = [_DemandClause()]
@@ -157,7 +157,7 @@ class _Reading:
         self, clauses: Sequence[_DemandClause], *, question: bool
     ) -> Iterator[_DemandClause]:
         """Yield the clauses of a sentence: a condition in it may be one for all of them."""
-        conditional = any(token.word in _CONDITION for one in clauses for token in one.tokens)
+        conditional = any(token.word in _CONDITION for part in clauses for token in part.tokens)
         for clause in clauses:
             clause.question, clause.conditional = question, conditional
             yield clause
@@ -255,29 +255,29 @@ class _Reading:
         *Watch the gate with X* demands something of X; *send Y with X* does not.
         """
         besides = _BESIDES if GOING in acts else _BESIDES - {"with"}
-        found: list[str] = []
+        assets: list[str] = []
         for at, word in enumerate(words):
             if self._is_asset(word) and not (at and words[at - 1] in besides):
-                found.append(self._assets.get(word, word))
-            elif found and word not in {",", "and", "&"}:
+                assets.append(self._assets.get(word, word))
+            elif assets and word not in {",", "and", "&"}:
                 break
-        return tuple(found)
+        return tuple(assets)
 
     def _goals(self, words: Sequence[str]) -> tuple[str, ...]:
         """Return the destinations: places after *to*, a verb or an asset, and places in their list.
 
         A recalled asset goes home.
         """
-        found: list[str] = []
+        goals: list[str] = []
         for at, word in enumerate(words):
             if word not in self._places:
                 continue
             before = next((w for w in reversed(words[:at]) if w not in {"the", "our", ","}), "")
-            if before not in _FROM and (before != "and" or found):
-                found.append(self._places[word])
-        if not found and not {*words}.isdisjoint(_RECALLING):
-            found.append(self._places["home"])
-        return tuple(dict.fromkeys(found))
+            if before not in _FROM and (before != "and" or goals):
+                goals.append(self._places[word])
+        if not goals and not {*words}.isdisjoint(_RECALLING):
+            goals.append(self._places["home"])
+        return tuple(dict.fromkeys(goals))
 
     def _is_split(self, words: Sequence[str]) -> bool:
         """Return whether places are joined by *and* alone."""
@@ -326,7 +326,7 @@ class Contradiction(NamedTuple):
 def contradiction(world: World, text: str) -> Contradiction | None:
     """Return the first two parts of an order that exclude each other, None if none do."""
     order = demands_of(world, text)
-    clauses = [one for one in order.clauses if not (one.conditional or one.later)]
+    clauses = [clause for clause in order.clauses if not (clause.conditional or clause.later)]
     for first, second in combinations(clauses, 2):
         excluded = (
             _forbidden(world, first, second)
@@ -334,13 +334,17 @@ def contradiction(world: World, text: str) -> Contradiction | None:
             else not order.in_turn and _apart(first, second)
         )
         if excluded:
-            asked = f"“{first.words}” and “{second.words}” exclude each other. What is to be done?"
-            return Contradiction(first.words, second.words, asked)
-    for one in clauses:
-        if not order.in_turn and _is_split(one):
-            here, there = one.goals
-            asked = f"“{one.words}” sends {one.assets[0]} to {here} and {there} at once. Where to?"
-            return Contradiction(here, there, asked)
+            question = (
+                f"“{first.words}” and “{second.words}” exclude each other. What is to be done?"
+            )
+            return Contradiction(first.words, second.words, question)
+    for clause in clauses:
+        if not order.in_turn and _is_split(clause):
+            here, there = clause.goals
+            question = (
+                f"“{clause.words}” sends {clause.assets[0]} to {here} and {there} at once. Where to?"
+            )
+            return Contradiction(here, there, question)
     return None
 
 

@@ -54,37 +54,36 @@ def excluded_names(world: World, text: str) -> tuple[str, ...]:
     exclude nothing, because the corrected asset may have to come back.
     """
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text)
-    said = LinkedText.of(world, blank).text
-    said = _COMPASS.sub(lambda found: _gate_towards(world, found[0]), said)
+    linked_text = LinkedText.of(world, blank).text
+    linked_text = _COMPASS.sub(lambda match: _gate_towards(world, match[0]), linked_text)
     names = {*world.assets, *world.frames}
-    mentions = [found for found in _NAME.finditer(said) if found[0] in names]
-    if not mentions or _corrects_the_last(world, said, mentions):
+    mentions = [match for match in _NAME.finditer(linked_text) if match[0] in names]
+    if not mentions or _corrects_the_last(world, linked_text, mentions):
         return ()
-    one = rf"\b(?:{'|'.join(dict.fromkeys(found[0] for found in mentions))})\b"
-    ranges = [*_ruled_out(said, _listed(one))]
+    any_name = rf"\b(?:{'|'.join(dict.fromkeys(match[0] for match in mentions))})\b"
+    ranges = [*_ruled_out(linked_text, _listed(any_name))]
     kept = {
-        found[0]
-        for found in mentions
-        if not any(start <= found.start() < end for start, end in ranges)
+        match[0]
+        for match in mentions
+        if not any(start <= match.start() < end for start, end in ranges)
     }
-    return tuple(dict.fromkeys(found[0] for found in mentions if found[0] not in kept))
+    return tuple(dict.fromkeys(match[0] for match in mentions if match[0] not in kept))
 
 
-def _listed(one: str) -> str:
-    """Return the expression for a list of names that match `one`."""
-    return (
-        rf"{one}(?:(?:, {one})*,? (?:and|or|nor|plus|&) (?:the |not )?{one})?(?!,? wh(?:o|ich)\b)"
-    )
+def _listed(any_name: str) -> str:
+    """Return the expression for a list of names that match `any_name`."""
+    more_names = rf"(?:, {any_name})*,? (?:and|or|nor|plus|&) (?:the |not )?{any_name}"
+    return rf"{any_name}(?:{more_names})?(?!,? wh(?:o|ich)\b)"
 
 
-def _corrects_the_last(world: World, said: str, mentions: Sequence[re.Match[str]]) -> bool:
-    """Return whether `said` has only names, no place or verb, and so corrects the last order."""
+def _corrects_the_last(world: World, text: str, mentions: Sequence[re.Match[str]]) -> bool:
+    """Return whether `text` has only names, no place or verb, and so corrects the last order."""
     first, last = mentions[0], mentions[-1]
-    begins = _NOT_ALONE.fullmatch(said[: first.start()]) is not None
-    between = said[first.end() : last.start()].strip(" ,.;:-").lower()
-    ends = len(mentions) > 1 and between == "not" and not said[last.end() :].strip(" .!")
-    placed = any(found[0] in world.frames for found in mentions)
-    return (begins or ends) and not placed and not any(verb.plain for verb in find_verbs(said))
+    begins = _NOT_ALONE.fullmatch(text[: first.start()]) is not None
+    between = text[first.end() : last.start()].strip(" ,.;:-").lower()
+    ends = len(mentions) > 1 and between == "not" and not text[last.end() :].strip(" .!")
+    placed = any(mention[0] in world.frames for mention in mentions)
+    return (begins or ends) and not placed and not any(verb.plain for verb in find_verbs(text))
 
 
 def _gate_towards(world: World, word: str) -> str:
@@ -92,14 +91,14 @@ def _gate_towards(world: World, word: str) -> str:
     return WorldNames.of(world).gate_with(word.lower()) or word
 
 
-def _ruled_out(said: str, names: str) -> Iterator[tuple[int, int]]:
+def _ruled_out(text: str, names: str) -> Iterator[tuple[int, int]]:
     """Yield the character ranges of excluded names."""
     before = rf"(?P<lead>{_BEFORE}{_FILLERS}) (?P<names>{names})"
-    for match in re.finditer(before, said, re.IGNORECASE):
-        if not (match["lead"].lower().endswith("send") and said[match.end() :].startswith(" to ")):
+    for match in re.finditer(before, text, re.IGNORECASE):
+        if not (match["lead"].lower().endswith("send") and text[match.end() :].startswith(" to ")):
             yield match.span("names")
-    for match in re.finditer(rf"(?P<names>{names}){_AFTER}", said, re.IGNORECASE):
+    for match in re.finditer(rf"(?P<names>{names}){_AFTER}", text, re.IGNORECASE):
         yield match.span("names")
     around = _AROUND.replace("{names}", names)
-    for match in re.finditer(around, said, re.IGNORECASE):
+    for match in re.finditer(around, text, re.IGNORECASE):
         yield match.span("kept" if match["kept"] else "unwanted")

@@ -88,14 +88,14 @@ def find_verbs(text: str) -> Iterator[VerbMention]:
     A compound that is not there counts as its first word: *look-down* as *look*.
     """
     low = text.lower()
-    for found in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
+    for match in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
         forms = _forms()
-        if groups := forms.get(found[0]) or forms.get(found[0].partition("-")[0]):
-            plain = found[0] in _plain() and not _IDIOM.search(low, *_around(found))
-            yield _verb(found[0], found.start(), groups, plain)
+        if groups := forms.get(match[0]) or forms.get(match[0].partition("-")[0]):
+            plain = match[0] in _plain() and not _IDIOM.search(low, *_around(match))
+            yield _verb(match[0], match.start(), groups, plain)
     for phrase, pattern, group in _phrases():
-        for found in pattern.finditer(low):
-            yield _verb(phrase, found.start(), (group,), plain=False)
+        for match in pattern.finditer(low):
+            yield _verb(phrase, match.start(), (group,), plain=False)
 
 
 def _verb(word: str, start: int, groups: Sequence[SynonymGroup], plain: bool) -> VerbMention:
@@ -104,8 +104,8 @@ def _verb(word: str, start: int, groups: Sequence[SynonymGroup], plain: bool) ->
     return VerbMention(word, start, tasks, means, plain)
 
 
-def _around(found: re.Match[str]) -> tuple[int, int]:
-    return max(found.start() - 4, 0), found.end() + 6
+def _around(match: re.Match[str]) -> tuple[int, int]:
+    return max(match.start() - 4, 0), match.end() + 6
 
 
 @cache

@@ -104,20 +104,24 @@ class MentionCheck(NamedTuple):
     @property
     def empty(self) -> bool:
         """True if the order names no place, no asset, no track and no task."""
-        return all(one.mention.sort in ("kind", "number", "numeral") for one in self.mentions)
+        return all(
+            checked.mention.sort in ("kind", "number", "numeral") for checked in self.mentions
+        )
 
     @property
     def gaps(self) -> tuple[str, ...]:
         """Everything that does not match, in words; empty where all of it does."""
         gaps = [
-            f"not accounted for: {one.mention.said}" for one in self.mentions if not one.accounted
+            f"not accounted for: {part.mention.said}"
+            for part in self.mentions
+            if not part.accounted
         ]
-        gaps += [f"not in the order's words: {one.named}" for one in self.unsupported]
-        gaps += [f"no time is kept: {said}" for said in self.times]
-        gaps += [f"no order of steps is kept: {said}" for said in self.steps]
-        gaps += [f"only one gate is served: {said}" for said in self.gates]
+        gaps += [f"not in the order's words: {part.named}" for part in self.unsupported]
+        gaps += [f"no time is kept: {words}" for words in self.times]
+        gaps += [f"no order of steps is kept: {words}" for words in self.steps]
+        gaps += [f"only one gate is served: {words}" for words in self.gates]
         if self.moves:
-            gaps += [f"leans on the order before: {said}" for said in self.leaning]
+            gaps += [f"leans on the order before: {words}" for words in self.leaning]
         if self.empty and self.moves:
             gaps.append("no word of the order asks for anything")
         return tuple(dict.fromkeys(gaps))
@@ -131,36 +135,42 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     world: World,
     picture: Picture,
     text: str,
-    asked: str,
+    reading: str,
     plan: Plan,
     unmet: Sequence[str] = (),
     follows: str = "",
 ) -> MentionCheck:
-    """Compare the words of an order with the planner's reading `asked`.
+    """Compare the words of an order with the planner's `reading`, in canonical words.
 
-    `asked` is in canonical words; '' without a reading: then only missing parts are looked for, as
-    a plan may well do more than the order. `unmet` are the lines on parts of the order that are not
-    carried out. A refusal of the whole order moves no asset, and lacks nothing. What the order
-    `follows`, the commands before it, may be meant without being named again.
+    Without a reading, only missing parts are looked for, as a plan may well do more than the order.
+    `unmet` are the lines on parts of the order that are not carried out. A refusal of the whole
+    order moves no asset, and lacks nothing. What the order `follows`, the commands before it, may
+    be meant without being named again.
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in STILL for action in plan.actions)
-    made = _OrderResult(world, picture, asked, plan, unmet)
-    if made.refused and not moves:
-        return MentionCheck(tuple(AccountedMention(one, accounted=True) for one in mentions))
+    result = _OrderResult(world, picture, reading, plan, unmet)
+    if result.refused and not moves:
+        return MentionCheck(
+            tuple(AccountedMention(mention, accounted=True) for mention in mentions)
+        )
     excluded = excluded_names(world, text)
     dropped = _dropped(excluded, link_names(world, text), mentions)
     listed = (
-        AccountedMention(one, not one.asked or one in dropped or made.accounts_for(one))
-        for one in mentions
+        AccountedMention(
+            mention, not mention.asked or mention in dropped or result.accounts_for(mention)
+        )
+        for mention in mentions
     )
     words = _OrderWords(world, picture, text, mentions, follows)
-    found = words.lacking(made) if asked else ()
-    every_gate = _EVERY_GATE.search(text.lower()) if asked and made.goes_to_one_gate else None
-    against = (UnsupportedPart("asset", n) for a in made.asks for n in a.who.names if n in excluded)
-    lacking = tuple(dict.fromkeys((*found, *against)))
-    names = follows or any(one.sort in ("place", "asset", "track") for one in mentions)
-    unfounded = made.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
+    unsupported = words.lacking(result) if reading else ()
+    every_gate = _EVERY_GATE.search(text.lower()) if reading and result.goes_to_one_gate else None
+    against = (
+        UnsupportedPart("asset", n) for a in result.asks for n in a.who.names if n in excluded
+    )
+    lacking = tuple(dict.fromkeys((*unsupported, *against)))
+    names = follows or any(mention.sort in ("place", "asset", "track") for mention in mentions)
+    unfounded = result.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     times = unread_times(world, text) if moves else ()
     steps = unkept_steps(ReferenceScene(world, picture), text) if moves else ()
     gates = (every_gate[0],) if every_gate is not None else ()
@@ -175,8 +185,8 @@ def leans(scene: ReferenceScene, text: str) -> bool:
     if leaning_words(scene, text):
         return True
     mentions = find_mentions(scene.world, text, scene.picture.tracks)
-    sorts = {one.sort for one in mentions}
-    tasks = {task for one in mentions for task in one.supports}
+    sorts = {mention.sort for mention in mentions}
+    tasks = {task for mention in mentions for task in mention.supports}
     somewhere = sorts & {"place", "track"} or tasks & {"home", "hold", "report"}
     words = {token.word for token in read_tokens(text)}
     anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
@@ -192,42 +202,46 @@ def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]
     An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
     is the order with its names linked.
     """
-    found = {one for one in mentions if one.means in excluded}
+    dropped = {mention for mention in mentions if mention.means in excluded}
     corrections = [match.start() for match in _CORRECTS.finditer(linked)]
     if corrections:
-        before = [one for one in mentions if linked.rfind(one.said) < corrections[-1]]
-        after = {one.sort for one in mentions if linked.rfind(one.said) > corrections[-1]}
-        found.update(one for one in before if one.sort in _NAMED and one.sort in after)
-        found.update(one for one in mentions if one.said.lower() in _CORRECTING)
-    return found
+        before = [mention for mention in mentions if linked.rfind(mention.said) < corrections[-1]]
+        after = {
+            mention.sort for mention in mentions if linked.rfind(mention.said) > corrections[-1]
+        }
+        dropped.update(
+            mention for mention in before if mention.sort in _NAMED and mention.sort in after
+        )
+        dropped.update(mention for mention in mentions if mention.said.lower() in _CORRECTING)
+    return dropped
 
 
 class _OrderResult:
     """The result of an order: the names in its reading, its plan and the unmet lines."""
 
     def __init__(
-        self, world: World, picture: Picture, asked: str, plan: Plan, unmet: Sequence[str]
+        self, world: World, picture: Picture, reading: str, plan: Plan, unmet: Sequence[str]
     ) -> None:
         self._world, self._picture = world, picture
-        said, _, evidence = asked.partition("; now: ")
-        self.asks = tuple(_asks(said)) if asked else ()
-        under = re.match(r"asked: if ([^:]+):", said)
+        clauses, _, evidence = reading.partition("; now: ")
+        self.asks = tuple(_asks(clauses)) if reading else ()
+        under = re.match(r"asked: if ([^:]+):", clauses)
         self.subjects = _NAME.findall(under[1]) if under is not None else []
         """The names that the action depends on."""
         self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
-        self._others_stay = OTHERS_STAY in said or OTHERS_STAY in evidence
-        self._may_hold = self._others_stay or f"else: {NOTHING}" in said or not self.asks
+        self._others_stay = OTHERS_STAY in clauses or OTHERS_STAY in evidence
+        self._may_hold = self._others_stay or f"else: {NOTHING}" in clauses or not self.asks
         acting = [action for action in plan.actions if action.verb not in STILL]
-        doing = acting if asked else plan.actions
+        doing = acting if reading else plan.actions
         self._tasks: set[Task] = {ask.task for ask in self.asks}
         self._tasks |= {TASK_OF[action.verb] for action in doing}
-        self._names = {*_NAME.findall(said), *(name for line in unmet for name in _words(line))}
+        self._names = {*_NAME.findall(clauses), *(name for line in unmet for name in _words(line))}
         self._names.update(name for a in doing for name in (a.agent, a.target) if name)
         if self._tasks & {"home", "stand_down"}:
             self._names.add(world.base)
         self._assets = [name for name in world.assets if name in self._names]
-        read = set(_NAME.findall(said)) if asked else self._names
-        self._stood = {_at(picture, name) for name in self._assets if name in read}
+        read_names = set(_NAME.findall(clauses)) if reading else self._names
+        self._stood = {_at(picture, name) for name in self._assets if name in read_names}
         """The places of the assets that the reading names: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
 
@@ -236,15 +250,15 @@ class _OrderResult:
 
         For a reading without a place its assets are compared, and for one without names its tasks.
         """
-        missing = {one.named for one in lacking}
+        missing = {part.named for part in lacking}
         placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
         if placed:
             return all({ask.place, ask.leaving} & missing for ask in placed)
-        named = {name for ask in self.asks for name in (*ask.who.names, ask.leaving) if name}
-        named.update(PLAIN_KINDS[ask.who.kind] for ask in self.asks if ask.who.kind is not None)
-        if not named:
-            return any(one.sort == "verb" for one in lacking)
-        return named <= missing
+        names = {name for ask in self.asks for name in (*ask.who.names, ask.leaving) if name}
+        names.update(PLAIN_KINDS[ask.who.kind] for ask in self.asks if ask.who.kind is not None)
+        if not names:
+            return any(part.sort == "verb" for part in lacking)
+        return names <= missing
 
     @property
     def goes_to_one_gate(self) -> bool:
@@ -252,24 +266,24 @@ class _OrderResult:
         gates = [ask.place for ask in self.asks if ask.place in self._world.gates]
         return len(gates) == 1 and all(ask.task in ("go", "mass", "look") for ask in self.asks)
 
-    def accounts_for(self, one: Mention) -> bool:
-        """Return whether the mention `one` of the order has its part here."""
-        match one.sort:
+    def accounts_for(self, mention: Mention) -> bool:
+        """Return whether the mention `mention` of the order has its part here."""
+        match mention.sort:
             case "place":
-                return one.means in self._names or one.means in self._stood
+                return mention.means in self._names or mention.means in self._stood
             case "asset":
-                return one.means in self._names or self._meant(one.means)
+                return mention.means in self._names or self._meant(mention.means)
             case "track":
-                gate = self._picture.tracks[one.means].gate
-                return one.means in self._names or gate in self._names
+                gate = self._picture.tracks[mention.means].gate
+                return mention.means in self._names or gate in self._names
             case "kind":
-                return self._has_kind(one.means)
+                return self._has_kind(mention.means)
             case "number":
-                return self._has_number(one.means)
+                return self._has_number(mention.means)
             case "numeral":
                 return True
             case "verb":
-                return self._has_task(one.tasks)
+                return self._has_task(mention.tasks)
 
     def _meant(self, name: str) -> bool:
         """Return whether `name` is one of all assets meant, or one that is replaced."""
@@ -319,28 +333,33 @@ class _OrderWords:
         self._world, self._picture = world, picture
         self._text = without_quotations(text).lower()
         before = _NAME.findall(follows)
-        mentions = [one for one in mentions if not one.quoted]
-        self._names = {one.means for one in mentions if one.sort in ("place", "asset", "track")}
+        mentions = [mention for mention in mentions if not mention.quoted]
+        self._names = {
+            mention.means for mention in mentions if mention.sort in ("place", "asset", "track")
+        }
         self._names.update(before)
-        self._placed = any(one.sort == "place" for one in mentions)
-        self._kinds = {one.means for one in mentions if one.sort == "kind"}
+        self._placed = any(mention.sort == "place" for mention in mentions)
+        self._kinds = {mention.means for mention in mentions if mention.sort == "kind"}
         self._kinds |= {world.assets[name].kind for name in before if name in world.assets}
-        self._numbers = {one.means for one in mentions if one.sort in ("number", "numeral")}
-        self._tasks = {task for one in mentions for task in one.supports}
+        self._numbers = {
+            mention.means for mention in mentions if mention.sort in ("number", "numeral")
+        }
+        self._tasks = {task for mention in mentions for task in mention.supports}
         self._tasks |= {task for verb, task in TASK_OF.items() if verb in before}
         self._plain = any(
-            one.sort == "verb" and one.asked and "hold" not in one.tasks for one in mentions
+            mention.sort == "verb" and mention.asked and "hold" not in mention.tasks
+            for mention in mentions
         )
 
-    def lacking(self, made: _OrderResult) -> Iterator[UnsupportedPart]:
-        """Yield what `made` names and nothing here supports."""
-        for name in made.subjects:
+    def lacking(self, result: _OrderResult) -> Iterator[UnsupportedPart]:
+        """Yield what `result` names and nothing here supports."""
+        for name in result.subjects:
             guards = self._is_guard_of_a_bare_gate(name)
             if name in self._world.assets and not (guards or self._has_asset(name)):
                 yield UnsupportedPart("asset", name)
             if name in self._world.frames and name not in self._names:
                 yield UnsupportedPart("place", name)
-        for ask in made.asks:
+        for ask in result.asks:
             if ask.task in ("refused", "unreadable"):
                 continue
             if ask.place not in ("", NOWHERE) and not self._has_place(ask.place, ask):
@@ -396,7 +415,11 @@ class _OrderWords:
         spec = self._world.assets.get(name)
         if spec is None or spec.kind not in self._kinds:
             return False
-        team = [other for other, each in self._world.assets.items() if each.kind == spec.kind]
+        team = [
+            other
+            for other, other_spec in self._world.assets.items()
+            if other_spec.kind == spec.kind
+        ]
         alone, assets = {*sole_covers(self._picture).values()}, self._picture.assets
         free = [other for other in team if other in assets and is_free(assets[other], alone)]
         return team == [name] or free == [name]
@@ -470,13 +493,13 @@ class _OrderWords:
         return ask.task in ("go", "mass", "home") and not self._plain and somewhere
 
 
-def _asks(asked: str) -> Iterator[Ask]:
+def _asks(reading: str) -> Iterator[Ask]:
     """Yield the asks in every case of a condition."""
-    words = asked.removeprefix(ASKED)
+    words = reading.removeprefix(ASKED)
     case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
     for part in (case[1], case[2]) if case is not None else (words,):
-        reading = read_asked(f"{ASKED}{part}") or Reading(())
-        yield from reading.asks
+        clause = read_asked(f"{ASKED}{part}") or Reading(())
+        yield from clause.asks
 
 
 def _name_words(name: str) -> set[str]:

@@ -125,7 +125,7 @@ def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[
 
 def without_quotations(text: str, instead: str = " ") -> str:
     """Return `text` with `instead` in place of each quotation of several words."""
-    return _QUOTED.sub(lambda found: instead if _is_quotation(found[0]) else found[0], text)
+    return _QUOTED.sub(lambda match: instead if _is_quotation(match[0]) else match[0], text)
 
 
 def _is_quotation(quoted: str) -> bool:
@@ -140,7 +140,7 @@ def speaks_of_site(world: World, text: str) -> bool:
     low, names = text.lower(), WorldNames.of(world)
     if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
         return True
-    return any(one.sort in _NAMES for one in find_mentions(world, text))
+    return any(mention.sort in _NAMES for mention in find_mentions(world, text))
 
 
 class _Finder:
@@ -155,7 +155,7 @@ class _Finder:
         places = [*world.frames, *world.zones]
         for name in places:
             self._sorts[name.lower()] = ("place", name)
-        self._squashed = {_squashed(name): found for name, found in self._sorts.items()}
+        self._squashed = {_squashed(name): meaning for name, meaning in self._sorts.items()}
         self._parts = _own_words(places)
         self._plain = {name.lower() for name in world.frames if len(WORD.findall(name)) == 1}
         """The frames whose name is a common noun: *base*, *checkpoint*."""
@@ -166,19 +166,19 @@ class _Finder:
     def find(self, text: str) -> Iterator[Mention]:
         for clause in _clauses(text):
             quoted = clause.quoted and _is_quotation(clause.text)
-            yield from (one._replace(quoted=quoted) for one in self._of(clause))
+            yield from (mention._replace(quoted=quoted) for mention in self._of(clause))
 
     def _of(self, clause: _MentionClause) -> Iterator[Mention]:
-        words = [(found[0], found.start()) for found in _WORD.finditer(clause.text)]
+        words = [(match[0], match.start()) for match in _WORD.finditer(clause.text)]
         assets, others = set[int](), set[int]()
         for at, (word, start) in enumerate(words):
             low = word.lower().removeprefix("frame_")
             if low in self._plain and self._is_another(words, at):
-                said = f"{words[at - 1][0]} {word}"
-                yield Mention("place", said, said, clause.asks_about(start, "place"))
+                place = f"{words[at - 1][0]} {word}"
+                yield Mention("place", place, place, clause.asks_about(start, "place"))
                 others.add(start)
-            elif found := self._sorts.get(low):
-                sort, means = found
+            elif match := self._sorts.get(low):
+                sort, means = match
                 yield Mention(sort, word, means, clause.asks_about(start, sort))
                 assets.update((at,) if sort == "asset" else ())
             elif _is_name(word):
@@ -188,16 +188,16 @@ class _Finder:
                 yield Mention(sort, word, means, clause.asks_about(start, sort))
                 assets.update((at,) if sort == "asset" else ())
             elif low in self._compass:
-                asked = clause.asks_about(start, "place")
-                yield Mention("place", word, self._compass[low], asked)
+                requested = clause.asks_about(start, "place")
+                yield Mention("place", word, self._compass[low], requested)
             elif low in self._parts:
                 led = at > 0 and words[at - 1][0].lower() in _PLACING
-                asked = led and clause.asks_about(start, "place")
-                yield Mention("place", word, self._parts[low], asked)
+                requested = led and clause.asks_about(start, "place")
+                yield Mention("place", word, self._parts[low], requested)
             elif (number := _numeral(low)) and not _counts(clause.text, words, at):
                 yield Mention("numeral", word, number, False)
         yield from _kinds(words, assets, clause)
-        stays_on = {found.start("verb") for found in _STAYS_ON.finditer(clause.text)}
+        stays_on = {match.start("verb") for match in _STAYS_ON.finditer(clause.text)}
         sent = False
         for verb in find_verbs(clause.text):
             if verb.start in others:
@@ -212,8 +212,10 @@ class _Finder:
         if at < 2 or words[at - 2][0].lower() not in _LEADS:
             return False
         before = words[at - 1][0].lower()
-        known = _LEADS | _OWN | KINDS.keys() | ASSETS | self._sorts.keys() | self._parts.keys()
-        if before in known or before in _COMPASS or not before.isalpha() or before in NUMBERS:
+        other_words = (
+            _LEADS | _OWN | KINDS.keys() | ASSETS | self._sorts.keys() | self._parts.keys()
+        )
+        if before in other_words or before in _COMPASS or not before.isalpha() or before in NUMBERS:
             return False
         return not before.endswith(("est", "ly")) and not any(find_verbs(before))
 
@@ -221,9 +223,9 @@ class _Finder:
         """Return the meaning of a name spelt in several words: `Gate Charlie`, `harpy-b`."""
         for end in range(min(at + _LONGEST, len(words)), at, -1):
             spelt = [word for word, _ in words[at:end]]
-            found = self._squashed.get(_squashed(" ".join(_letter(word) for word in spelt)))
-            if found is not None:
-                return found
+            meaning = self._squashed.get(_squashed(" ".join(_letter(word) for word in spelt)))
+            if meaning is not None:
+                return meaning
         return None
 
 
@@ -237,18 +239,18 @@ def _squashed(name: str) -> str:
 
 def _clauses(text: str) -> list[_MentionClause]:
     """Return the clauses of `text`, quoted ones first."""
-    quoted = [_MentionClause(found[0], asks=False, quoted=True) for found in _QUOTED.finditer(text)]
-    parts = [found[0] for found in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if found[0].strip()]
+    quoted = [_MentionClause(match[0], asks=False, quoted=True) for match in _QUOTED.finditer(text)]
+    parts = [match[0] for match in _CLAUSE.finditer(_QUOTED.sub(" , ", text)) if match[0].strip()]
     addressed = _addressed(parts)
     asks = [_asks(part) for part in parts]
     if not any(asks):
         asks = [True] * len(parts)
-    told = zip(parts, asks, strict=True)
+    requests = zip(parts, asks, strict=True)
     return [
         *quoted,
         *(
             _MentionClause(part, ask, addressed=at < addressed)
-            for at, (part, ask) in enumerate(told)
+            for at, (part, ask) in enumerate(requests)
         ),
     ]
 
@@ -275,7 +277,7 @@ def _kinds(
 ) -> Iterator[Mention]:
     """Yield the mentioned kinds, and the requested numbers of a kind or of all assets."""
     for at, (word, start) in enumerate(words):
-        asked = clause.asks_about(start, "kind")
+        requested = clause.asks_about(start, "kind")
         kind = KINDS.get(word.lower()) or KINDS.get(word.lower().removesuffix("s"))
         after = words[at + 1][0].lower() if at + 1 < len(words) else ""
         if kind == "robot" and _CAR.fullmatch(after):
@@ -283,10 +285,10 @@ def _kinds(
         if kind is None and word.lower().removesuffix("s") not in ASSETS:
             continue
         if kind is not None and at + 1 not in assets:
-            yield Mention("kind", word, kind, asked)
+            yield Mention("kind", word, kind, requested)
         count = _counted([before.lower() for before, _ in words[max(at - 5, 0) : at]])
         if count:
-            yield Mention("number", f"{count} {word}", count, asked)
+            yield Mention("number", f"{count} {word}", count, requested)
     for word, _ in words:
         if word.lower() in ("everyone", "everybody", "everything"):
             yield Mention("number", word, "all", False)
@@ -310,8 +312,8 @@ def _numeral(word: str) -> str:
     """Return the number that a word is or ends with, as in `t05`; '' for none."""
     if word in NUMBERS:
         return str(NUMBERS.index(word))
-    found = re.fullmatch(r"[a-z]*?0*(\d{1,4})", word)
-    return found[1] if found is not None else ""
+    match = re.fullmatch(r"[a-z]*?0*(\d{1,4})", word)
+    return match[1] if match is not None else ""
 
 
 def _counts(text: str, words: Sequence[tuple[str, int]], at: int) -> bool:
@@ -320,17 +322,17 @@ def _counts(text: str, words: Sequence[tuple[str, int]], at: int) -> bool:
     It may count the next noun, be an amount (*9 pct*, *battery 9*), or belong to a contact (*van
     3*).
     """
-    said, start = words[at]
-    if not said.isalpha() and not said.isdecimal():
+    word, start = words[at]
+    if not word.isalpha() and not word.isdecimal():
         return False
-    after = [word.lower() for word, _ in words[at + 1 : at + 4]]
+    after = [next_word.lower() for next_word, _ in words[at + 1 : at + 4]]
     before = words[at - 1][0].lower() if at else ""
-    if (after[:1] and after[0] in MEASURES) or text[start + len(said) :].lstrip().startswith("%"):
+    if (after[:1] and after[0] in MEASURES) or text[start + len(word) :].lstrip().startswith("%"):
         return True
     if before in _AMOUNTS or before.removesuffix("s") in _CONTACTS - KINDS.keys() - {"vehicle"}:
         return True
-    nouns = (word.removesuffix("s") for word in after)
-    return said.isalpha() and any(word in KINDS or word in ASSETS for word in nouns)
+    nouns = (next_word.removesuffix("s") for next_word in after)
+    return word.isalpha() and any(next_word in KINDS or next_word in ASSETS for next_word in nouns)
 
 
 def _is_name(word: str) -> bool:
@@ -340,13 +342,13 @@ def _is_name(word: str) -> bool:
 
 def _own_words(places: Sequence[str]) -> dict[str, str]:
     """Return the words that only one place has, with the place: `north` for NorthGate."""
-    found: dict[str, list[str]] = {}
+    places_by_word: dict[str, list[str]] = {}
     for name in places:
         words = [word.lower() for word in WORD.findall(name)]
         for word in words if len(words) > 1 else ():
-            found.setdefault(word, []).append(name)
+            places_by_word.setdefault(word, []).append(name)
     return {
         word: names[0]
-        for word, names in found.items()
+        for word, names in places_by_word.items()
         if len(names) == 1 and word.isalpha() and len(word) > 2 and word != GATE
     }

@@ -115,24 +115,28 @@ def no_order(world: World, text: str) -> NoOrder | None:
     """Return the sign that makes `text` no order, or None if it may be an order."""
     unquoted = without_quotations(text, f" {_QUOTE} ")
     sentences = [*_sentences(world, unquoted)]
-    joke = next((one for one in sentences if _pattern("joked").search(one.words)), None)
+    joke = next(
+        (sentence for sentence in sentences if _pattern("joked").search(sentence.words)), None
+    )
     if joke is not None:
         return NoOrder("joked", joke.said)
-    found: NoOrder | None = None
+    first_sign: NoOrder | None = None
     benign = any(
-        _pattern("benign").search(one.words) for one in sentences if not _IF.search(one.words)
+        _pattern("benign").search(sentence.words)
+        for sentence in sentences
+        if not _IF.search(sentence.words)
     )
     for sentence in sentences:
-        sign, directs = _read(sentence, bare=found is None, benign=benign)
+        sign, directs = _read(sentence, bare=first_sign is None, benign=benign)
         if directs:
             return None
-        found = found or sign
+        first_sign = first_sign or sign
         if sign is not None and (sign.kind == "text_work" or sentence.words.endswith(":")):
             break
-    if found is None and unquoted != text and re.search(r"[\"“`]|: '", text):
+    if first_sign is None and unquoted != text and re.search(r"[\"“`]|: '", text):
         quoted = any(_directs(part.words, bare=True) for part in _sentences(world, text))
         return NoOrder("quoted", text) if quoted else None
-    return found
+    return first_sign
 
 
 def lasting_ban(world: World, text: str) -> Ban | None:
@@ -141,8 +145,8 @@ def lasting_ban(world: World, text: str) -> Ban | None:
     *Nobody goes to the south gate* and *Drone_T04 must never fly to EastGate* are bans; *do not
     send it* only takes back a movement.
     """
-    found = no_order(world, text)
-    if found is None or found.kind != "prohibited":
+    sign = no_order(world, text)
+    if sign is None or sign.kind != "prohibited":
         return None
     [sentence, *others] = _sentences(world, text)
     if others or not _pattern("lasting").search(sentence.words):
@@ -220,24 +224,24 @@ def _reach(sign: _Sign, length: int) -> tuple[int, int]:
 def _signs(words: str) -> Iterator[_Sign]:
     """Yield every sign in the words of a sentence."""
     for kind in _PLAIN:
-        for found in _pattern(kind).finditer(words):
+        for match in _pattern(kind).finditer(words):
             if kind != "benign" or not _IF.search(words):
-                yield _Sign(kind, *found.span())
-    for found in _pattern("passed_on").finditer(words):
-        yield _Sign("reported", found.start(), len(words))
-    for found in _pattern("prohibited").finditer(words):
-        if _is_kept(words, found) or _is_asked(words, found.start()):
+                yield _Sign(kind, *match.span())
+    for match in _pattern("passed_on").finditer(words):
+        yield _Sign("reported", match.start(), len(words))
+    for match in _pattern("prohibited").finditer(words):
+        if _is_kept(words, match) or _is_asked(words, match.start()):
             continue
-        if not _is_supposed(words, found.start()):
-            yield _Sign("prohibited", *found.span())
-    for found in _pattern("past").finditer(words):
-        before = words[: found.start()].split()[-1:]
+        if not _is_supposed(words, match.start()):
+            yield _Sign("prohibited", *match.span())
+    for match in _pattern("past").finditer(words):
+        before = words[: match.start()].split()[-1:]
         if not _pattern("past_order").search(words) and not _CAUSING.intersection(before):
-            yield _Sign("past", *found.span())
-    for found in _pattern("my_word").finditer(words):
-        yield _Sign("waiting", *found.span())
-    for found in _pattern("opinion").finditer(words):
-        yield _Sign("questioned", found.start(), len(words))
+            yield _Sign("past", *match.span())
+    for match in _pattern("my_word").finditer(words):
+        yield _Sign("waiting", *match.span())
+    for match in _pattern("opinion").finditer(words):
+        yield _Sign("questioned", match.start(), len(words))
     yield from _questions(words)
     yield from _reports(words)
     yield from _waits(words)
@@ -249,11 +253,11 @@ def _questions(words: str) -> Iterator[_Sign]:
     *Should it be low, send another* begins with a condition.
     """
     start = _OPENING.match(words).end()  # type: ignore[union-attr] - it may match nothing
-    asked = words.endswith("?")
-    if start and not asked:
+    is_question = words.endswith("?")
+    if start and not is_question:
         start = 0
-    found = _pattern("questioned").match(words, start)
-    if found is None or _pattern("requests").match(words, start):
+    match = _pattern("questioned").match(words, start)
+    if match is None or _pattern("requests").match(words, start):
         return
     if re.search(rf"\b(?:{_list('moving')})\b(?! (?:on|ahead|out)\b)", words[start:]):
         yield _Sign("questioned", start, len(words))
@@ -295,28 +299,28 @@ def _is_supposed(words: str, start: int) -> bool:
 
 def _reports(words: str) -> Iterator[_Sign]:
     """Yield another speaker's words if they are about what assets should do."""
-    for found in _pattern("say").finditer(words):
-        before = words[: found.start()].split()
+    for match in _pattern("say").finditer(words):
+        before = words[: match.start()].split()
         while before and before[-1] in _set("adverbs"):
             before.pop()
         subject = before[-1] if before else ""
         if not subject.islower() or not subject.isalpha() or subject in _set("speaker"):
             continue
-        content = words[found.end() :]
+        content = words[match.end() :]
         if len(content) <= _CLOSING and "," in before[-3:]:  # the speaker is named after the words
             yield _Sign("reported", 0, len(words))
         elif _QUOTE in content.split()[:5]:
-            yield _Sign("reported", 0, found.end() + content.index(_QUOTE) + len(_QUOTE))
+            yield _Sign("reported", 0, match.end() + content.index(_QUOTE) + len(_QUOTE))
         elif _speaks_of_tasks(content):
-            start = words.rfind(" , ", 0, found.start()) + 1
-            end = len(words) if content.startswith((" :", ' "')) else _own_words(words, found.end())
+            start = words.rfind(" , ", 0, match.start()) + 1
+            end = len(words) if content.startswith((" :", ' "')) else _own_words(words, match.end())
             yield _Sign("reported", start, end)
 
 
 def _own_words(words: str, start: int) -> int:
     """Return the position at which the operator's own words resume."""
-    found = _OWN.search(words, start)
-    return len(words) if found is None else found.start()
+    match = _OWN.search(words, start)
+    return len(words) if match is None else match.start()
 
 
 _CLOSING = len(" .")

@@ -78,16 +78,16 @@ class WorldNames:
         own = {name: _team_word(name) for name, _ in assets}
         words = {*own.values()}
         for name, kind in assets:
-            found = _NUMBERED.fullmatch(name)
-            if found is None or not own[name]:
+            numbered = _NUMBERED.fullmatch(name)
+            if numbered is None or not own[name]:
                 continue
-            generic = (word for word, called in KIND_WORDS.items() if called == kind)
+            generic = (word for word, named_kind in KIND_WORDS.items() if named_kind == kind)
             teams = {own[name], *(word for word in generic if word not in words)}
             self._kinds[own[name]] = kind
             for team in (*teams, ""):
-                self._numbered[team, int(found[2])].append(name)
+                self._numbered[team, int(numbered[2])].append(name)
             for team in teams:
-                self._patterns[team].add((found[1], len(found[2])))
+                self._patterns[team].add((numbered[1], len(numbered[2])))
 
     @classmethod
     def of(cls, world: World) -> "WorldNames":
@@ -105,17 +105,17 @@ class WorldNames:
 
     def place(self, words: Sequence[str]) -> str | None:
         """Return the place that `words`, in lower case, name: in full, reversed, or misspelt."""
-        found = self._places.get("".join(words))
-        if found is not None or len(words) != 2:
-            return found
+        place = self._places.get("".join(words))
+        if place is not None or len(words) != 2:
+            return place
         if words[0] == GATE:
             return self._gate(words[1])
         if words[1] == GATE:
-            found = self._gate(_COMPASS.get(words[0], words[0].removesuffix("ern")))
-        if found is None and (words[1] == GATE or _is_gate_misspelt(words[1])):
+            place = self._gate(_COMPASS.get(words[0], words[0].removesuffix("ern")))
+        if place is None and (words[1] == GATE or _is_gate_misspelt(words[1])):
             near = [name for stem, name in self._stems.items() if _nearly(words[0], stem)]
-            found = near[0] if len(near) == 1 else None
-        return found
+            place = near[0] if len(near) == 1 else None
+        return place
 
     def gate_with(self, word: str) -> str | None:
         """Return the gate whose name consists of `word` and *gate*."""
@@ -123,21 +123,21 @@ class WorldNames:
 
     def team(self, word: str) -> str:
         """Return the team or kind that `word` names, even if plural or misspelt; '' for none."""
-        for said in (word, word.removesuffix("s")):
-            if said in self._patterns:
-                return said
+        for candidate in (word, word.removesuffix("s")):
+            if candidate in self._patterns:
+                return candidate
         near = [team for team in self._patterns if _nearly(word, team)]
         return near[0] if len(near) == 1 and len(word) >= _LONG else ""
 
     def initial(self, letter: str) -> str:
         """Return the only team whose own word begins with `letter`, as in *D4*; '' for none."""
-        found = [team for team in self._kinds if team.startswith(letter)]
-        return found[0] if len(found) == 1 else ""
+        teams = [team for team in self._kinds if team.startswith(letter)]
+        return teams[0] if len(teams) == 1 else ""
 
     def asset(self, team: str, number: int) -> str | None:
         """Return the asset of `team` with `number`; None if there is none or several."""
-        found = self._numbered.get((team, number), [])
-        return found[0] if len(found) == 1 else None
+        assets = self._numbered.get((team, number), [])
+        return assets[0] if len(assets) == 1 else None
 
     def absent(self, team: str, number: int) -> str | None:
         """Return the name that a missing asset of `team` would have; None if that is unclear."""
@@ -152,7 +152,7 @@ class WorldNames:
         team = word.removesuffix("s")
         if team in KIND_WORDS or team not in self._kinds:
             return None
-        plain = next(said for said, kind in KIND_WORDS.items() if kind == self._kinds[team])
+        plain = next(generic for generic, kind in KIND_WORDS.items() if kind == self._kinds[team])
         return plain + "s" * (team != word)
 
     def _gate(self, word: str) -> str | None:
@@ -174,7 +174,7 @@ def _made(
 def _places(names: Sequence[str]) -> dict[str, str]:
     """Return the places of more than one word, by their words in lower case."""
     words = {name: _parts_of(name) for name in names}
-    return {"".join(said): name for name, said in words.items() if len(said) > 1}
+    return {"".join(parts): name for name, parts in words.items() if len(parts) > 1}
 
 
 def _stem(name: str) -> str:
@@ -190,7 +190,7 @@ def _team_word(name: str) -> str:
 
 
 def _parts_of(name: str) -> list[str]:
-    return [found.lower() for found in WORD.findall(name)]
+    return [part.lower() for part in WORD.findall(name)]
 
 
 def _nearly(word: str, other: str) -> bool:
@@ -207,12 +207,12 @@ def _is_gate_misspelt(word: str) -> bool:
 
 def named(names: Iterable[str], text: str) -> list[str]:
     """Return the names that `text` contains, verbatim or in words: `Drone_T01`, `drone T01`."""
-    said = f" {' '.join(_plain_words(text))} "
+    plain_text = f" {' '.join(_plain_words(text))} "
     verbatim = {word.lower() for word in re.findall(r"\w+", text)}
     return [
         name
         for name in names
-        if name.lower() in verbatim or f" {' '.join(_plain_words(name))} " in said
+        if name.lower() in verbatim or f" {' '.join(_plain_words(name))} " in plain_text
     ]
 
 
@@ -224,14 +224,14 @@ def names_meant(names: Iterable[str], text: str) -> list[str]:
     """
     parts = {name: _plain_words(name) for name in names}
     common = _common(parts.values())
-    said = sorted({*_plain_words(text), *(word.lower() for word in re.findall(r"\w+", text))})
-    found = {word: _is_said(word, said) for words in parts.values() for word in words}
+    text_words = sorted({*_plain_words(text), *(word.lower() for word in re.findall(r"\w+", text))})
+    matched = {word: _is_said(word, text_words) for words in parts.values() for word in words}
     whole, partly = list[str](), list[str]()
     for name, words in parts.items():
         own = [word for word in words if word not in common] or words
-        if name.lower() in said or all(found[word] for word in own):
+        if name.lower() in text_words or all(matched[word] for word in own):
             whole.append(name)
-        elif any(found[word] and not word.isdigit() for word in own):
+        elif any(matched[word] and not word.isdigit() for word in own):
             partly.append(name)
     return whole or partly
 
@@ -251,12 +251,12 @@ def _common(names: Iterable[list[str]]) -> set[str]:
     }
 
 
-def _is_said(word: str, said: list[str]) -> bool:
-    if word in said:
+def _is_said(word: str, text_words: list[str]) -> bool:
+    if word in text_words:
         return True
     if len(word) < 4 or not word.isalpha():
         return False
-    return process.extractOne(word, said, scorer=fuzz.ratio, score_cutoff=NEARLY) is not None
+    return process.extractOne(word, text_words, scorer=fuzz.ratio, score_cutoff=NEARLY) is not None
 
 
 class _NameToken(NamedTuple):
@@ -328,8 +328,8 @@ class _Linker:
     def __init__(self, names: WorldNames, text: str) -> None:
         self._names, self._text = names, text
         self._tokens = [
-            _NameToken(found.group().lower(), found.start(), found.end())
-            for found in _TOKEN.finditer(text)
+            _NameToken(match.group().lower(), match.start(), match.end())
+            for match in _TOKEN.finditer(text)
         ]
         self._linked = 0
         """The end of the latest link."""
@@ -338,11 +338,11 @@ class _Linker:
         """Yield the replacements, from left to right."""
         at = 0
         while at < len(self._tokens):
-            found = [*self._alias(at)] or [*self._gates(at)] or [*self._place(at)]
-            found = found or [*self._assets(at)] or [*self._kind(at)]
-            if found and all(map(self._whole, found)):
-                yield from found
-                self._linked = found[-1].end
+            links = [*self._alias(at)] or [*self._gates(at)] or [*self._place(at)]
+            links = links or [*self._assets(at)] or [*self._kind(at)]
+            if links and all(map(self._whole, links)):
+                yield from links
+                self._linked = links[-1].end
             at = max(at + 1, self._linked)
 
     def _whole(self, link: _Link) -> bool:
@@ -429,18 +429,18 @@ class _Linker:
         """Return the end and the value of the number at token `at`, if there is one."""
         while self._word(at) in _BEFORE_NUMBER and self._together(at - 1, at + 1):
             at += 1
-        word, said = self._word(at), ""
+        word, digits = self._word(at), ""
         if self._word(at - 1) not in _AND and not self._together(max(at - 1, 0), at + 1):
             return at, None
         if word.isdigit():
-            at, said = at + 1, word
+            at, digits = at + 1, word
         elif word in NUMBERS[len(DIGITS) :]:
-            at, said = at + 1, str(NUMBERS.index(word))
-        while self._word(at) in DIGITS and said in ("", "0") and not word.isdigit():
-            at, said = at + 1, said + str(DIGITS.index(self._word(at)))
+            at, digits = at + 1, str(NUMBERS.index(word))
+        while self._word(at) in DIGITS and digits in ("", "0") and not word.isdigit():
+            at, digits = at + 1, digits + str(DIGITS.index(self._word(at)))
         amount = self._text[self._tokens[at - 1].end :].lstrip().startswith("%")
-        fits = not amount and 0 < len(said) <= _MOST_DIGITS and self._word(at) not in MEASURES
-        return at, int(said) if fits else None
+        fits = not amount and 0 < len(digits) <= _MOST_DIGITS and self._word(at) not in MEASURES
+        return at, int(digits) if fits else None
 
     def _counted(self, at: int) -> bool:
         """Return whether there is a number before token `at`, as in `two drones`."""
@@ -462,6 +462,6 @@ class _Linker:
         pairs = pairwise(self._tokens[first:end])
         return end <= len(self._tokens) and all(self._joined(*pair) for pair in pairs)
 
-    def _joined(self, one: _NameToken, other: _NameToken) -> bool:
-        gap = self._text[one.end : other.start]
-        return (gap.removeprefix(".") if one.word in _BEFORE_NUMBER else gap) in _JOINTS
+    def _joined(self, token: _NameToken, following: _NameToken) -> bool:
+        gap = self._text[token.end : following.start]
+        return (gap.removeprefix(".") if token.word in _BEFORE_NUMBER else gap) in _JOINTS

@@ -129,14 +129,14 @@ UNLAWFUL: tuple[Aggravation, ...] = (
 _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
 
 
-def written(task: Task, said: Mapping[str, str], wrong: Wrong | None = None) -> str:
-    """Return the clause for a task; `said` has the values of its slots.
+def written(task: Task, slots: Mapping[str, str], wrong: Wrong | None = None) -> str:
+    """Return the clause for a task; `slots` has the values of its slots.
 
     `wrong` selects the form of a refused ask. A required place that is missing becomes unknown.
     """
     forms = [clause.words for clause in CLAUSES if clause.task == task and clause.wrong == wrong]
-    form = next((form for form in forms if form.fits(said)), forms[0])
-    return form.write(said, _DEFAULTS)
+    form = next((form for form in forms if form.fits(slots)), forms[0])
+    return form.write(slots, _DEFAULTS)
 
 
 def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
@@ -173,7 +173,7 @@ def clause_pattern(names: NamePatterns) -> str:
     The expressions in `names` must have no groups of their own.
     """
     forms = "|".join(pattern for _, pattern in clause_patterns(names, _unnamed))
-    unlawful = "|".join(each.words.removeprefix(" ") for each in UNLAWFUL)
+    unlawful = "|".join(addition.words.removeprefix(" ") for addition in UNLAWFUL)
     return f"({ASIDE.words})?({forms})( ({unlawful}))?"
 
 
@@ -185,9 +185,9 @@ def clause_patterns(
     `group` returns the group for a slot, from its name and the expression for its contents.
     """
     place, asset = f"{names.place}|{NOWHERE}", names.asset
-    who = rf"{names.team}|{SOMEBODY}|{asset}(, {asset}){{0,{MOST_NAMES - 1}}}"
+    assets = rf"{names.team}|{SOMEBODY}|{asset}(, {asset}){{0,{MOST_NAMES - 1}}}"
     slots = {
-        "who": group("who", who),
+        "who": group("who", assets),
         "place": group("place", place),
         "gate": group("place", f"{names.gate}|{NOWHERE}"),
         "first": group("first", asset),

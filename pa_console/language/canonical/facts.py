@@ -49,7 +49,9 @@ class DigestTrack:
     @property
     def identity(self) -> str:
         """The identity, authorized or unauthorized; '' while it is unknown."""
-        return next((one for one in ("authorized", "unauthorized") if one in self.facts), "")
+        return next(
+            (identity for identity in ("authorized", "unauthorized") if identity in self.facts), ""
+        )
 
     @property
     def intent(self) -> str:
@@ -111,14 +113,14 @@ def holds(condition: Condition, facts: Facts) -> bool | None:
         case "authorized" | "unauthorized" | "hostile":
             return any(decides(condition, track) for track in there(condition, facts))
         case "covered" | "uncovered":
-            so, told = condition.fact == "covered", facts.is_covered(subject)
+            expected, fact = condition.fact == "covered", facts.is_covered(subject)
         case "low" | "not_low":
-            so, told = condition.fact == "low", facts.is_low(subject)
+            expected, fact = condition.fact == "low", facts.is_low(subject)
         case "up" | "down":
-            so, told = condition.fact == "up", facts.is_up(subject)
+            expected, fact = condition.fact == "up", facts.is_up(subject)
         case "free" | "none_free":
-            so, told = condition.fact == "free", facts.has_free(condition.kind)
-    return None if told is None else told is so
+            expected, fact = condition.fact == "free", facts.has_free(condition.kind)
+    return None if fact is None else fact is expected
 
 
 def there(condition: Condition, facts: Facts) -> list[Track | DigestTrack]:
@@ -139,10 +141,10 @@ def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
 
 def _read(lines: Iterable[str]) -> Iterator[DigestTrack]:
     for line in lines:
-        name, _, told = line.partition(": ")
-        what, _, *facts = told.split(", ")
-        kind, where, *_, gate = what.split()
-        status = "approaching" if where == "approaches" else where
+        name, _, details = line.partition(": ")
+        position, _, *facts = details.split(", ")
+        kind, movement, *_, gate = position.split()
+        status = "approaching" if movement == "approaches" else movement
         yield DigestTrack(name, kind, status, gate, frozenset(facts))
 
 
@@ -228,7 +230,7 @@ class DigestFacts:
 
     def has_free(self, kind: AssetKind | None) -> bool:
         """Return whether an asset of a kind, or any, may be sent somewhere."""
-        return any(self.digest.free[each] for each in (PLAIN_KINDS if kind is None else (kind,)))
+        return any(self.digest.free[name] for name in (PLAIN_KINDS if kind is None else (kind,)))
 
 
 def evidence(condition: Condition, digest: Digest) -> str:
@@ -242,10 +244,10 @@ def evidence(condition: Condition, digest: Digest) -> str:
         case "track_at" | "no_track_at":
             return f"At {subject}: {_listed(subject, digest)}"
         case "authorized" | "unauthorized" | "hostile":
-            here = [one for one in facts.tracks(subject) if condition.track in ("", one.kind)]
-            deciding = [one for one in here if decides(condition, one)]
-            told = [f"{one.id} {one.kind}, {one.known}" for one in (*deciding, *here)]
-            return f"At {subject}: {told[0] if told else 'no track'}"
+            here = [track for track in facts.tracks(subject) if condition.track in ("", track.kind)]
+            deciding = [track for track in here if decides(condition, track)]
+            lines = [f"{track.id} {track.kind}, {track.known}" for track in (*deciding, *here)]
+            return f"At {subject}: {lines[0] if lines else 'no track'}"
         case "uncovered" | "covered":
             return f"{subject}: {guard(subject, digest)}"
         case "low" | "not_low" | "down" | "up":
@@ -254,8 +256,8 @@ def evidence(condition: Condition, digest: Digest) -> str:
             for kind in PLAIN_KINDS if condition.kind is None else (condition.kind,):
                 if digest.free[kind]:
                     return f"Free {PLAIN_KINDS[kind]}: {digest.free[kind][0]}"
-            one = "" if condition.kind is None else f" {PLAIN_KINDS[condition.kind]}"
-            return f"Free{one}: none"
+            track = "" if condition.kind is None else f" {PLAIN_KINDS[condition.kind]}"
+            return f"Free{track}: none"
 
 
 def guard(gate: str, digest: Digest) -> str:

@@ -87,12 +87,12 @@ CONDITIONS: Mapping[Fact, ConditionForm] = {
 
 def in_words(condition: Condition) -> str:
     """Return the condition in the words that follow *if* in a reason."""
-    said = {"subject": condition.subject}
+    slots = {"subject": condition.subject}
     if condition.track:
-        said["track"] = condition.track
+        slots["track"] = condition.track
     if condition.kind is not None:
-        said["kind"] = PLAIN_KINDS[condition.kind]
-    return CONDITIONS[condition.fact].words.write(said)
+        slots["kind"] = PLAIN_KINDS[condition.kind]
+    return CONDITIONS[condition.fact].words.write(slots)
 
 
 Task = Literal[
@@ -225,7 +225,7 @@ def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
     if ask.leaving and ask.leaving not in world.assets:
         return Obstacle("no asset", ask.leaving)
     names, kind = ask.who.names, ask.who.kind
-    problems = [found for name in names if (found := find(name)) is not None]
+    problems = [problem for name in names if (problem := find(name)) is not None]
     all_or_none = ask.strict_who or ask.task == "swap"
     if problems and (all_or_none or len(problems) == len(names)):
         return problems[0]

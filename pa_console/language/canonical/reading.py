@@ -133,17 +133,17 @@ def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
     The slots are those of the plain form, and those of `TEAM` if no asset is named.
     """
     for clause, pattern in _CLAUSES:
-        found = pattern.fullmatch(words)
-        if found is not None:
-            return clause, dict(_slots(found))
+        match = pattern.fullmatch(words)
+        if match is not None:
+            return clause, dict(_slots(match))
     return None
 
 
-def _slots(found: re.Match[str]) -> Iterator[tuple[str, str]]:
+def _slots(match: re.Match[str]) -> Iterator[tuple[str, str]]:
     """Yield the slots of a clause, with the same names for every form."""
-    for slot, said in found.groupdict().items():
-        if said:
-            yield _SLOTS.get(slot, slot), said.strip()
+    for slot, words in match.groupdict().items():
+        if words:
+            yield _SLOTS.get(slot, slot), words.strip()
 
 
 def _read(text: str, *, with_facts: bool) -> Reading | None:
@@ -155,8 +155,8 @@ def _read(text: str, *, with_facts: bool) -> Reading | None:
         if case is None:
             return Reading((Ask(task="unreadable"),))
         clauses = case["then"] if case["so"] == "so" else case["otherwise"]
-        found = _LIMITS.match(case["facts"] or "")
-        return _limited(clauses, found[0].split("; ") if found else [])
+        limits = _LIMITS.match(case["facts"] or "")
+        return _limited(clauses, limits[0].split("; ") if limits else [])
     parts = words.split("; ")
     if with_facts and len(parts) > 1:
         parts.pop()
@@ -188,17 +188,17 @@ def _ask(words: str) -> Ask:
     wrong = _aggravated(words)
     if wrong is not None:
         return Ask(task="refused", wrong=wrong, words=words)
-    found = clause_of(words)
-    if found is None:
+    form = clause_of(words)
+    if form is None:
         return Ask(task="unreadable", words=words)
-    clause, said = found
+    clause, slots = form
     return Ask(
         task=clause.task,
-        who=_who(clause, said),
-        place=said.get("place", ""),
-        leaving=said.get("leaving", ""),
-        track=_TRACKS.get(said.get("thing", ""), ""),
-        track_id=said.get("track_id", ""),
+        who=_who(clause, slots),
+        place=slots.get("place", ""),
+        leaving=slots.get("leaving", ""),
+        track=_TRACKS.get(slots.get("thing", ""), ""),
+        track_id=slots.get("track_id", ""),
         wrong=clause.wrong,
         words=words,
     )
@@ -208,25 +208,25 @@ def _aggravated(words: str) -> Wrong | None:
     """Return the addition that makes a clause one that no order may have; None without one."""
     if words.startswith(ASIDE.words) and words != ASIDE.words:
         return ASIDE.wrong
-    for each in UNLAWFUL:
-        if words.endswith(each.words) and words != each.words:
-            return each.wrong
+    for addition in UNLAWFUL:
+        if words.endswith(addition.words) and words != addition.words:
+            return addition.wrong
     return None
 
 
-def _who(clause: Clause, said: Mapping[str, str]) -> Who:
+def _who(clause: Clause, slots: Mapping[str, str]) -> Who:
     if clause.task == "swap":
-        return Who(names=(said["first"], said["second"]))
+        return Who(names=(slots["first"], slots["second"]))
     if clause.task == "mass":
-        return Who(kind=KIND_FORMS.get(said.get("massed", "")), count="all")
-    origin = said.get("origin", "")
-    if "kind" in said:
-        count = "all" if said["count"] == "all" else int(said["count"])
-        return Who(kind=KIND_FORMS[said["kind"]], count=count, origin=origin)
-    if "every" in said:
-        return Who(count="all" if said["every"] == "all" else 1, origin=origin)
-    who = said.get("who", SOMEBODY)
-    return ANYBODY if who == SOMEBODY else Who(names=tuple(who.split(", ")))
+        return Who(kind=KIND_FORMS.get(slots.get("massed", "")), count="all")
+    origin = slots.get("origin", "")
+    if "kind" in slots:
+        count = "all" if slots["count"] == "all" else int(slots["count"])
+        return Who(kind=KIND_FORMS[slots["kind"]], count=count, origin=origin)
+    if "every" in slots:
+        return Who(count="all" if slots["every"] == "all" else 1, origin=origin)
+    names = slots.get("who", SOMEBODY)
+    return ANYBODY if names == SOMEBODY else Who(names=tuple(names.split(", ")))
 
 
 def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]:
@@ -235,28 +235,28 @@ def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]
     Of readings that ask for the same, only the first is returned. To send an asset to the `base` is
     to send it home.
     """
-    known, kept = [_asks(own, base)], list[str]()
-    for said in others:
-        asks = _asks(said, base)
-        if asks is not None and asks not in known:
-            known.append(asks)
-            kept.append(said)
+    seen, kept = [_asks(own, base)], list[str]()
+    for reading in others:
+        asks = _asks(reading, base)
+        if asks is not None and asks not in seen:
+            seen.append(asks)
+            kept.append(reading)
     return tuple(kept)
 
 
-def agree(one: str, other: str, base: str = "") -> bool:
+def agree(first: str, second: str, base: str = "") -> bool:
     """Return whether both readings ask for the same; False if one is unreadable."""
-    first = _comparable(read_asked(one), base)
-    return first is not None and first == _comparable(read_asked(other), base)
+    compared = _comparable(read_asked(first), base)
+    return compared is not None and compared == _comparable(read_asked(second), base)
 
 
-def _asks(said: str, base: str) -> Reading | None:
+def _asks(words: str, base: str) -> Reading | None:
     """Return the present asks, whatever their wording; None if the reading is not worth offering.
 
     That is so if it cannot be read, if no order may have it, or if it sends an asset to its own
     origin.
     """
-    reading = read_asked(said)
+    reading = read_asked(words)
     if reading is None or not reading.readable:
         return None
     if reading.asks and all(ask.task == "refused" for ask in reading.asks):
@@ -270,7 +270,7 @@ def _comparable(reading: Reading | None, base: str) -> Reading | None:
     """Return `reading` in a form independent of its wording and of the order of its parts."""
     if reading is None or not reading.readable:
         return None
-    asks = [each for ask in reading.asks for each in _one_by_one(_plainly(ask, base))]
+    asks = [part for ask in reading.asks for part in _one_by_one(_plainly(ask, base))]
     named = dict.fromkeys(ask for ask in asks if ask.who.names)
     others = (ask for ask in asks if not ask.who.names)
     return reading._replace(asks=tuple(sorted((*named, *others), key=repr)))
@@ -314,10 +314,10 @@ def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
 
 def _task(actions: Sequence[Action], world: World, by_name: bool) -> str:
     names = [action.agent for action in actions]
-    who = ", ".join(names) if by_name and len(names) <= MOST_NAMED else _counted(names, world)
+    team = ", ".join(names) if by_name and len(names) <= MOST_NAMED else _counted(names, world)
     target = actions[0].target
-    where = {"place": target, "gate": target} if target else {}
-    return written(TASK_OF[actions[0].verb], {"who": who, **where})
+    slots = {"place": target, "gate": target} if target else {}
+    return written(TASK_OF[actions[0].verb], {"who": team, **slots})
 
 
 def _counted(names: Iterable[str], world: World) -> str:
@@ -332,43 +332,43 @@ def place_words(name: str) -> str:
     return _JOINED.sub(" ", name)
 
 
-def plain_reading(asked: str) -> str:
+def plain_reading(reading: str) -> str:
     """Return a reading of an order in plain words, without the present state of its condition.
 
     `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate has
     no guard, send 1 drone to EastGate, otherwise do nothing*.
     """
-    words, _, now = asked.removeprefix(ASKED).partition("; now: ")
+    words, _, now = reading.removeprefix(ASKED).partition("; now: ")
     others = words.endswith(_STAY) or now.endswith(_STAY)
     words, _, excluded = words.removesuffix(_STAY).partition(f"; {EXCEPT}")
     excluded = excluded or now.removesuffix(_STAY).partition(f"; {EXCEPT}")[2]
     case = _CASE.fullmatch(words)
     if case is None:
-        told = _plain_clauses(words)
+        sentence = _plain_clauses(words)
     else:
         condition = _condition(case["condition"])
         then, otherwise = _plain_clauses(case["then"]), _plain_clauses(case["otherwise"])
-        told = f"if {condition}, {then}, otherwise {otherwise}"
-    told = told.replace(NOWHERE, f"an {NOWHERE}")
+        sentence = f"if {condition}, {then}, otherwise {otherwise}"
+    sentence = sentence.replace(NOWHERE, f"an {NOWHERE}")
     if excluded:
-        told = f"{told}, without {listed(excluded.split(', '))}"
-    return f"{told}; all others stay" if others else told
+        sentence = f"{sentence}, without {listed(excluded.split(', '))}"
+    return f"{sentence}; all others stay" if others else sentence
 
 
-def says_plainly(text: str, asked: str) -> bool:
-    """Return whether `text` is the single clause of the reading `asked` in plain words.
+def says_plainly(text: str, reading: str) -> bool:
+    """Return whether `text` is the single clause of the reading `reading` in plain words.
 
     Such words have only one meaning, so no model needs to read them. The place may be left out if
     the clause names an asset at that place.
     """
-    found = clause_of(asked.removeprefix(ASKED).rstrip("; "))
-    if found is None:
+    form = clause_of(reading.removeprefix(ASKED).rstrip("; "))
+    if form is None:
         return False
-    clause, said = found
-    ways = [said]
-    if "who" not in said:
-        ways += [{**said, "who": who} for who in _OPEN]
-    if "leaving" in said:
+    clause, slots = form
+    ways = [slots]
+    if "who" not in slots:
+        ways += [{**slots, "who": somebody} for somebody in _OPEN]
+    if "leaving" in slots:
         ways += [{slot: value for slot, value in way.items() if slot != "place"} for way in ways]
     plain = " ".join(text.split()).rstrip(".").casefold()
     fitting = (way for way in ways if clause.plain.fits(way))
@@ -385,37 +385,37 @@ def _clause(words: str) -> str:
         return "do nothing"
     if words.startswith(ASIDE.words):
         return _clause(words.removeprefix(ASIDE.words)) + ASIDE.plain
-    for each in UNLAWFUL:
-        if words.endswith(each.words):
-            return _clause(words.removesuffix(each.words)) + each.plain
-    found = clause_of(words)
-    if found is None:
+    for addition in UNLAWFUL:
+        if words.endswith(addition.words):
+            return _clause(words.removesuffix(addition.words)) + addition.plain
+    form = clause_of(words)
+    if form is None:
         return words
-    clause, said = found
-    return clause.plain.write(_plain_words(said))
+    clause, slots = form
+    return clause.plain.write(_plain_words(slots))
 
 
 def _condition(words: str) -> str:
     for pattern, plain in _CONDITIONS:
-        if found := pattern.fullmatch(words):
+        if match := pattern.fullmatch(words):
             return plain.write(
-                _plain_words({k: said for k, said in found.groupdict().items() if said})
+                _plain_words({k: value for k, value in match.groupdict().items() if value})
             )
     return words
 
 
-def _plain_words(said: Mapping[str, str]) -> dict[str, str]:
+def _plain_words(slots: Mapping[str, str]) -> dict[str, str]:
     """Return the slots of a clause or a condition with the words of a sentence."""
-    plain = {**said}
+    plain = {**slots}
     for slot in ("kind", "massed"):
-        if slot in said:
-            plain[slot] = _KINDS[KIND_FORMS[said[slot]]]
-    if "every" in said:
-        plain["every"] = _EVERY[said["every"]]
-    if "who" in said:
-        named = not {"every", "kind"} & said.keys()
+        if slot in slots:
+            plain[slot] = _KINDS[KIND_FORMS[slots[slot]]]
+    if "every" in slots:
+        plain["every"] = _EVERY[slots["every"]]
+    if "who" in slots:
+        named = not {"every", "kind"} & slots.keys()
         plain["who"] = (
-            listed(said["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
+            listed(slots["who"].split(", ")) if named else TEAM.write({"plural": "", **plain})
         )
     return plain
 

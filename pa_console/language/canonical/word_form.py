@@ -41,17 +41,17 @@ class WordForm:
         """Return the regular expression of the form; `slots` has that of each slot."""
         return _pattern(self._parts, slots)
 
-    def fits(self, said: Mapping[str, str]) -> bool:
-        """Return whether `said` has every required slot of the form."""
-        return _fits(self._parts, said)
+    def fits(self, values: Mapping[str, str]) -> bool:
+        """Return whether `values` has every required slot of the form."""
+        return _fits(self._parts, values)
 
-    def write(self, said: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
-        """Return the form with its slots filled by name from `said`.
+    def write(self, values: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
+        """Return the form with its slots filled by name from `values`.
 
-        Of several ways, the one with the most slots in `said` is used. A required slot that is
+        Of several ways, the one with the most slots in `values` is used. A required slot that is
         missing is filled from `defaults`. Raises KeyError if it is not there either.
         """
-        return _written(self._parts, said, defaults)
+        return _written(self._parts, values, defaults)
 
     @cached_property
     def _parts(self) -> _Parts:
@@ -80,26 +80,26 @@ def _ways(tokens: Iterator[re.Match[str]]) -> tuple[tuple[_Parts, ...], str]:
 
 
 def _pattern(parts: _Parts, slots: Mapping[str, str]) -> str:
-    found: list[str] = []
+    pieces: list[str] = []
     for part in parts:
         match part:
             case _Slot(name):
-                found.append(slots[name])
+                pieces.append(slots[name])
             case _Choice(ways, optional):
                 either = "|".join(_pattern(way, slots) for way in ways)
-                found.append(f"({either}){'?' * optional}")
+                pieces.append(f"({either}){'?' * optional}")
             case words:
-                found.append(words)
-    return "".join(found)
+                pieces.append(words)
+    return "".join(pieces)
 
 
-def _fits(parts: _Parts, said: Mapping[str, str]) -> bool:
+def _fits(parts: _Parts, values: Mapping[str, str]) -> bool:
     for part in parts:
         match part:
-            case _Slot(name) if name not in said:
+            case _Slot(name) if name not in values:
                 return False
             case _Choice(ways, optional) if not optional and not any(
-                _fits(way, said) for way in ways
+                _fits(way, values) for way in ways
             ):
                 return False
             case _:
@@ -107,31 +107,35 @@ def _fits(parts: _Parts, said: Mapping[str, str]) -> bool:
     return True
 
 
-def _written(parts: _Parts, said: Mapping[str, str], defaults: Mapping[str, str]) -> str:
-    found: list[str] = []
+def _written(parts: _Parts, values: Mapping[str, str], defaults: Mapping[str, str]) -> str:
+    pieces: list[str] = []
     for part in parts:
         match part:
             case _Slot(name):
-                found.append(said[name] if name in said else defaults[name])
+                pieces.append(values[name] if name in values else defaults[name])
             case _Choice(ways, optional):
-                fitting: Sequence[_Parts] = [way for way in ways if _fits(way, said)]
+                fitting: Sequence[_Parts] = [way for way in ways if _fits(way, values)]
                 if fitting or not optional:
-                    way = max(fitting, key=lambda one: _says(one, said)) if fitting else ways[0]
-                    found.append(_written(way, said, defaults))
+                    way = (
+                        max(fitting, key=lambda candidate: _says(candidate, values))
+                        if fitting
+                        else ways[0]
+                    )
+                    pieces.append(_written(way, values, defaults))
             case words:
-                found.append(words)
-    return "".join(found)
+                pieces.append(words)
+    return "".join(pieces)
 
 
-def _says(parts: _Parts, said: Mapping[str, str]) -> int:
-    """Return the number of slots in `parts` for which `said` has a value."""
+def _says(parts: _Parts, values: Mapping[str, str]) -> int:
+    """Return the number of slots in `parts` for which `values` has a value."""
     number = 0
     for part in parts:
         match part:
             case _Slot(name):
-                number += name in said
+                number += name in values
             case _Choice(ways):
-                number += max(_says(way, said) for way in ways)
+                number += max(_says(way, values) for way in ways)
             case _:
                 pass
     return number
