@@ -66,10 +66,10 @@ def read_clock(
     reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
 ) -> ClockTime | None:
     """Read a time of day; unless a word has `led` to it, its form must show that it is one."""
-    found = _time_of_day(reader, led=led)
-    if found is None:
+    reading = _time_of_day(reader, led=led)
+    if reading is None:
         return None
-    hour, minute, second, settled, plain = found
+    hour, minute, second, settled, plain = reading
     part = reader.take(*TIME_WORDS["morning"], *TIME_WORDS["evening"])
     half = half or ("am" if part in TIME_WORDS["morning"] else "pm" if part else "")
     reader.take(*TIME_WORDS["exact"])
@@ -110,8 +110,8 @@ def _time_of_day(  # noqa: PLR0911 - one for each way to say it
         return int(whole[1]) % 12 + 12 * (whole[2] == "p"), 0, 0, True, False
     if whole := re.fullmatch(r"([01]\d|2[0-3])([0-5]\d)(h|hrs|z)?", word):
         reader.at += 1
-        told = bool(whole[3] or reader.take("hrs", "hours", "hr"))
-        return (int(whole[1]), int(whole[2]), 0, True, False) if led or told else None
+        is_time = bool(whole[3] or reader.take("hrs", "hours", "hr"))
+        return (int(whole[1]), int(whole[2]), 0, True, False) if led or is_time else None
     if re.fullmatch(r"\d\d?", word):
         return _digital(reader, word, led=led)
     number = read_number(reader)
@@ -190,9 +190,9 @@ def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, boo
     if minute < 0 and zero and not reader.word().isdecimal():
         minute = read_number(reader)
         minute = minute if 10 <= minute <= 59 and reader.word() not in _UNIT_S else -1.0
-    told = bool(reader.take("hours", "hrs", "hr"))
+    is_time = bool(reader.take("hours", "hrs", "hr"))
     ends = reader.word() in STOPS
-    if minute < 0 or not (told or zero or led or (ends and hour >= 10)):
+    if minute < 0 or not (is_time or zero or led or (ends and hour >= 10)):
         reader.at = start
         return None
     return int(hour), int(minute), 0, True, False
@@ -214,12 +214,12 @@ def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
             reader.take("minutes", "mins", "min")
         way = reader.take("past", "after", "to", "before")
         minute = -1.0 if not way else minute if way in ("past", "after") else 60.0 - minute
-    which = reader.take("each", "every", "the") if 0 <= minute < 60 else ""
+    determiner = reader.take("each", "every", "the") if 0 <= minute < 60 else ""
     reader.take("full")
-    if not which or not reader.take("hour"):
+    if not determiner or not reader.take("hour"):
         reader.at = start
         return None
-    return int(minute), which != "the"
+    return int(minute), determiner != "the"
 
 
 def _minutes_after_hour(reader: Reader) -> int:
@@ -236,11 +236,11 @@ def _minutes_after_hour(reader: Reader) -> int:
 def read_day(reader: Reader, now: datetime) -> tuple[date | None, str]:
     """Read *tomorrow*, *tonight*, *on monday*; the half of the day is '', 'am' or 'pm'."""
     start = reader.at
-    if said := reader.take(*TIME_WORDS["today"], *TIME_WORDS["tomorrow"]):
+    if word := reader.take(*TIME_WORDS["today"], *TIME_WORDS["tomorrow"]):
         half = (
-            "am" if said in TIME_WORDS["morning"] else "pm" if said in TIME_WORDS["evening"] else ""
+            "am" if word in TIME_WORDS["morning"] else "pm" if word in TIME_WORDS["evening"] else ""
         )
-        return _day_of(said, now), half
+        return _day_of(word, now), half
     if reader.take("yesterday"):
         return now.date() - timedelta(days=1), ""
     reader.take("on", "next", "this")
@@ -250,10 +250,10 @@ def read_day(reader: Reader, now: datetime) -> tuple[date | None, str]:
     return None, ""
 
 
-def _day_of(said: str, now: datetime) -> date | None:
-    if said in TIME_WORDS["tomorrow"]:
+def _day_of(word: str, now: datetime) -> date | None:
+    if word in TIME_WORDS["tomorrow"]:
         return now.date() + timedelta(days=1)
-    return now.date() if said in TIME_WORDS["today"] else None
+    return now.date() if word in TIME_WORDS["today"] else None
 
 
 def next_weekday(word: str, now: datetime) -> date:
@@ -311,11 +311,11 @@ def read_number(reader: Reader) -> float:
     tens, _, ones = word.partition("-")
     if tens in _TENS and (not ones or number_of(ones) in range(1, 10)):
         reader.at += 1
-        one = number_of(ones) if ones else number_of(reader.word())
-        if not ones and one in range(1, 10) and not reader.word().isdecimal():
+        unit = number_of(ones) if ones else number_of(reader.word())
+        if not ones and unit in range(1, 10) and not reader.word().isdecimal():
             reader.at += 1
-            return float(_TENS[tens] + one)
-        return float(_TENS[tens] + (one if ones else 0))
+            return float(_TENS[tens] + unit)
+        return float(_TENS[tens] + (unit if ones else 0))
     number = number_of(word)
     if number >= 0 and len(word) <= 9:
         reader.at += 1
@@ -354,8 +354,8 @@ def is_of_order(
         if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
             return False
     clause = " ".join(tokens[at].said for at in around)
-    said = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
-    if said & {*ASSETS, *KIND_WORDS, *(name.lower() for name in world.assets), *EVERYBODY}:
+    words = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
+    if words & {*ASSETS, *KIND_WORDS, *(name.lower() for name in world.assets), *EVERYBODY}:
         return True
     return any(verb.plain or verb.start == 0 for verb in find_verbs(clause))
 

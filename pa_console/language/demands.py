@@ -341,9 +341,8 @@ def contradiction(world: World, text: str) -> Contradiction | None:
     for clause in clauses:
         if not order.in_turn and _is_split(clause):
             here, there = clause.goals
-            question = (
-                f"“{clause.words}” sends {clause.assets[0]} to {here} and {there} at once. Where to?"
-            )
+            sends = f"“{clause.words}” sends {clause.assets[0]} to {here} and {there} at once."
+            question = f"{sends} Where to?"
             return Contradiction(here, there, question)
     return None
 

@@ -51,8 +51,8 @@ def read_question(scene: ReferenceScene, text: str) -> Question | None:
     if not tokens or len(tokens) > MOST_WORDS:
         return None
     grammar = _Grammar(scene, linked, Reader(tokens))
-    asked = grammar.question()
-    return Question(text, asked.topic, asked.subjects) if asked is not None else None
+    question = grammar.question()
+    return Question(text, question.topic, question.subjects) if question is not None else None
 
 
 class _Grammar:
@@ -72,9 +72,9 @@ class _Grammar:
         start = reader.at
         for way in ways:
             reader.at = start
-            found = way()
-            if found is not None and self._ended():
-                return found
+            topic = way()
+            if topic is not None and self._ended():
+                return topic
         return None
 
     def _ended(self) -> bool:
@@ -234,15 +234,20 @@ class _Grammar:
         if reader.over:
             return ()
         begins = tokens[reader.at].start
-        for one in find_descriptions(self._scene, tokens, self._text):
-            if one.start != begins or one.sort != "asset":
+        for description in find_descriptions(self._scene, tokens, self._text):
+            if description.start != begins or description.sort != "asset":
                 continue
-            if one.ranking is not None and one.ranking.distance and not one.ranking.place:
+            if (
+                description.ranking is not None
+                and description.ranking.distance
+                and not description.ranking.place
+            ):
                 return ()
-            names = fitting(self._scene, one)
+            names = fitting(self._scene, description)
             if names:
                 reader.at = next(
-                    (n for n, each in enumerate(tokens) if each.start >= one.end), len(tokens)
+                    (n for n, token in enumerate(tokens) if token.start >= description.end),
+                    len(tokens),
                 )
             return names
         return ()

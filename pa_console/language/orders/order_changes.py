@@ -111,17 +111,17 @@ def read_change(text: str, orders: Sequence[Changeable]) -> OrderChange | Unclea
         rest = [word for word in words if word not in about and word not in ("all", "every")]
         return OrderChange(change, tuple(ids.values())) if not rest else None
     rest = [word for word in words if word not in _NOUNS and word not in _NEXT]
-    fits = [order for order in orders if all(word in _said(order) for word in rest)]
-    fits = [order for order in fits if _said(order) & set(about)] or fits
+    fits = [order for order in orders if all(word in _words_of(order) for word in rest)]
+    fits = [order for order in fits if _words_of(order) & set(about)] or fits
     if not fits and not set(about) & set(_WORDS["own_nouns"]):
         return None
     if len(fits) != 1:
-        those = "; ".join(f"{each.id}: {each.text}" for each in fits or orders)
-        return Unclear("", f"Which order is meant? {those}. Say its id: {change} {orders[0].id}")
+        listed = "; ".join(f"{order.id}: {order.text}" for order in fits or orders)
+        return Unclear("", f"Which order is meant? {listed}. Say its id: {change} {orders[0].id}")
     return OrderChange(change, (fits[0].id,))
 
 
-def _said(order: Changeable) -> set[str]:
+def _words_of(order: Changeable) -> set[str]:
     """Return the words of an order, as given and as read."""
     tokens = read_tokens(f"{order.text} {order.words} {order.order}")
     return {token.word for token in tokens} | {token.word.removesuffix("s") for token in tokens}
@@ -140,7 +140,7 @@ _MANUAL_FILLERS = frozenset(_MANUAL["fillers"])
 _JOINED = frozenset(_MANUAL["joined"])
 _POINTED = frozenset(_MANUAL["pointed"])
 _ALL = frozenset(_MANUAL["all"])
-_WHO = "X"
+_ASSET_SLOT = "X"
 MOST_WORDS = 24
 """A longer text is not read as a request for manual control."""
 
@@ -168,22 +168,22 @@ def read_manual(
     for name, take in (("take", True), ("give_back", False), ("give_back_taken", False)):
         if name == "give_back_taken" and not taken:
             return None
-        for who in _slots(name, tokens):
-            found = _assets(scene, linked, who, () if take else taken)
-            if isinstance(found, Unclear):
-                return found
-            if found and (name != "give_back_taken" or {*found} <= {*taken}):
-                return ManualWords(take, found)
+        for asset_tokens in _slots(name, tokens):
+            assets = _assets(scene, linked, asset_tokens, () if take else taken)
+            if isinstance(assets, Unclear):
+                return assets
+            if assets and (name != "give_back_taken" or {*assets} <= {*taken}):
+                return ManualWords(take, assets)
     return None
 
 
 def _slots(name: str, tokens: Sequence[WordToken]) -> Iterator[Sequence[WordToken]]:
     """Yield the tokens of the assets for every phrase of the list `name` that matches `tokens`."""
-    said = "".join(f"{token.word} " for token in tokens)
+    words = "".join(f"{token.word} " for token in tokens)
     for pattern in _phrases(name):
-        if found := pattern.fullmatch(said):
-            first = said[: found.start("who")].count(" ")
-            yield tokens[first : first + found["who"].count(" ") + 1]
+        if match := pattern.fullmatch(words):
+            first = words[: match.start("who")].count(" ")
+            yield tokens[first : first + match["who"].count(" ") + 1]
 
 
 @cache
@@ -191,7 +191,7 @@ def _phrases(name: str) -> tuple[re.Pattern[str], ...]:
     """Return the patterns of a list: `[word]` is optional, `one|other` is a choice."""
 
     def part(word: str) -> str:
-        if word == _WHO:
+        if word == _ASSET_SLOT:
             return r"(?P<who>\S+(?: \S+)*?) "
         bare = word.strip("[]")
         either = "|".join(re.escape(way) for way in bare.split("|"))
@@ -201,27 +201,27 @@ def _phrases(name: str) -> tuple[re.Pattern[str], ...]:
 
 
 def _assets(
-    scene: ReferenceScene, text: str, who: Sequence[WordToken], taken: Collection[str]
+    scene: ReferenceScene, text: str, tokens: Sequence[WordToken], taken: Collection[str]
 ) -> tuple[str, ...] | Unclear:
-    """Return the assets that the words `who` name, describe or point at."""
-    words = [token.word for token in who]
+    """Return the assets that the words `tokens` name, describe or point at."""
+    words = [token.word for token in tokens]
     if " ".join(words) in _POINTED:
-        known = [scene.pointer] if scene.pointer in scene.world.assets else [*taken]
-        return tuple(known) if len(known) == 1 else ()
+        pointed = [scene.pointer] if scene.pointer in scene.world.assets else [*taken]
+        return tuple(pointed) if len(pointed) == 1 else ()
     if " ".join(words) in _ALL:
         return tuple(taken)
     names = [scene.assets_said.get(word, "") for word in words if word not in _JOINED]
     if names and all(names):
         return tuple(dict.fromkeys(names))
-    said = text[who[0].start : who[-1].end]
-    described = [*find_descriptions(scene, read_tokens(said), said)]
+    phrase = text[tokens[0].start : tokens[-1].end]
+    described = [*find_descriptions(scene, read_tokens(phrase), phrase)]
     if len(described) != 1 or described[0].sort != "asset":
         return ()
-    one = replace(described[0], said=said)
-    if (one.start, one.end) != (0, len(said)):
+    description = replace(described[0], said=phrase)
+    if (description.start, description.end) != (0, len(phrase)):
         return ()
-    fit = fitting(scene, one)
+    fit = fitting(scene, description)
     if len(fit) == 1:
         return fit
     many = f"{len(fit)} assets fit" if fit else "No asset fits"
-    return Unclear(said, f"{many} “{said}”. Name the asset: take over Drone_T01", fit[:9])
+    return Unclear(phrase, f"{many} “{phrase}”. Name the asset: take over Drone_T01", fit[:9])

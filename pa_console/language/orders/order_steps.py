@@ -72,17 +72,17 @@ def read_steps(scene: ReferenceScene, text: str) -> ReadSteps | Unclear | None:
         return Unclear("", "A condition and steps in one order are not read: give one of them.")
     if not all(asking):
         number = asking.index(False) + 1
-        said = cut.words(parts[number - 1])
-        return Unclear("", f"Step {number}, “{said}”, asks for nothing. What is to be done then?")
-    return ReadSteps(tuple(cut.told(parts)))
+        words = cut.words(parts[number - 1])
+        return Unclear("", f"Step {number}, “{words}”, asks for nothing. What is to be done then?")
+    return ReadSteps(tuple(cut.sentences(parts)))
 
 
 def unkept_steps(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     """Return the sequence of steps in `text` in words; a single plan does not keep it."""
-    found = read_steps(scene, text)
-    if found is None:
+    steps = read_steps(scene, text)
+    if steps is None:
         return ()
-    return (found.question,) if isinstance(found, Unclear) else (" then ".join(found.steps),)
+    return (steps.question,) if isinstance(steps, Unclear) else (" then ".join(steps.steps),)
 
 
 _CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
@@ -353,15 +353,15 @@ class _Cutter:
         if not arrived:
             reader.at = first
             return None
-        said = self._text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
-        return _Awaited(said, tuple(names), place, reader.at)
+        words = self._text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
+        return _Awaited(words, tuple(names), place, reader.at)
 
     def _arrival(self) -> tuple[bool, str]:
         """Read *is in place at the north gate*; return whether it is an arrival, and its place."""
         reader, arrived, place = self._reader, False, ""
         while not reader.over:
-            if not place and (found := place_at(self._scene, reader)):
-                place, arrived = found, True
+            if not place and (frame := place_at(self._scene, reader)):
+                place, arrived = frame, True
             elif arrived and reader.word() == "it" and reader.word(1) in _STOPS:
                 reader.at += 1
             elif arrived and (reader.word() in _IMPERATIVES or self._is_asset()):
@@ -383,29 +383,29 @@ class _Cutter:
             self._ask_about(awaited, body)
 
     def _ask_about(self, awaited: _Awaited, body: str) -> None:
-        who = " and ".join(awaited.names) or "nobody"
-        asked = f"“{awaited.said}”: nothing in the order before sends {who} there."
+        subject = " and ".join(awaited.names) or "nobody"
+        problem = f"“{awaited.said}”: nothing in the order before sends {subject} there."
         choices: tuple[str, ...] = ()
         if awaited.names and awaited.place and body and body != "...":
             home = awaited.place == self._scene.world.base
             way = "home" if home else f"to {awaited.place}"
-            choices = (f"First {who} {way}, then {body}.",)
-        self.unclear = Unclear("", f"{asked} What is to be done first?", choices)
+            choices = (f"First {subject} {way}, then {body}.",)
+        self.unclear = Unclear("", f"{problem} What is to be done first?", choices)
 
     # ------------------------------------------------------------------ what a step says
 
     def asks(self, part: Sequence[int]) -> bool:
         """Return whether words ask for something: they name an asset or have a verb of an order."""
         words = self.words(part)
-        said = {self._tokens[at].word for at in part}
-        single = {word.removesuffix("s") for word in said}
-        if single & {*KINDS, *ASSETS, *self._scene.assets_said} or said & EVERYBODY:
+        step_words = {self._tokens[at].word for at in part}
+        single = {word.removesuffix("s") for word in step_words}
+        if single & {*KINDS, *ASSETS, *self._scene.assets_said} or step_words & EVERYBODY:
             return True
         lead = read_tokens(words)[:1]
         if lead and lead[0].word in _OWN_VERBS | _IMPERATIVES | {*_WORDS["elided"]}:
             return True
-        told = bool(lead) and lead[0].word in _PRONOUNS
-        return any(verb.plain or verb.start == 0 or told for verb in find_verbs(words))
+        is_pronoun = bool(lead) and lead[0].word in _PRONOUNS
+        return any(verb.plain or verb.start == 0 or is_pronoun for verb in find_verbs(words))
 
     def words(self, part: Sequence[int]) -> str:
         """Return the text of the tokens, without punctuation and conjunctions around it."""
@@ -424,7 +424,7 @@ class _Cutter:
                 runs.append((" " if number else "") + self._text[token.start : token.end])
         return "".join(runs).strip()
 
-    def told(self, parts: Sequence[Sequence[int]]) -> Iterator[str]:
+    def sentences(self, parts: Sequence[Sequence[int]]) -> Iterator[str]:
         """Yield each step as a sentence with a subject: *then home* becomes *send it home*."""
         before: Sequence[int] = ()
         for part in parts:
@@ -437,8 +437,8 @@ class _Cutter:
     def _with_subject(self, words: str, part: Sequence[int], before: Sequence[int]) -> str:
         lead = self._tokens[next(at for at in part if self._tokens[at].word not in _FILLERS)].word
         names, kinds = self._subjects(before)
-        said = {self._tokens[at].word for at in part}
-        if said & {*self._scene.assets_said, *KINDS, "both"} or said & EVERYBODY:
+        step_words = {self._tokens[at].word for at in part}
+        if step_words & {*self._scene.assets_said, *KINDS, "both"} or step_words & EVERYBODY:
             return words
         several = len(names) > 1
         if lead in _WORDS["elided"]:
@@ -451,8 +451,8 @@ class _Cutter:
     def _subjects(self, part: Sequence[int]) -> tuple[tuple[str, ...], set[AssetKind]]:
         """Return the assets and kinds that a step names."""
         words = [self._tokens[at].word for at in part]
-        said = self._scene.assets_said
-        names = tuple(dict.fromkeys(said[word] for word in words if word in said))
+        assets = self._scene.assets_said
+        names = tuple(dict.fromkeys(assets[word] for word in words if word in assets))
         kinds: set[AssetKind] = {self._scene.world.assets[name].kind for name in names}
         return names, kinds or {KINDS[word] for word in words if word in KINDS}
 

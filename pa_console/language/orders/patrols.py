@@ -52,21 +52,21 @@ class Patrol:
     @property
     def words(self) -> str:
         """The patrol in words."""
-        who = self.who or (f"a {self.kind}" if self.kind else "an asset")
+        subject = self.who or (f"a {self.kind}" if self.kind else "an asset")
         order = ", nearest first" if self.any_order else ""
         laps = f"{self.laps} laps" if self.laps > 1 else "one lap"
         stay = f", {duration_words(self.stay_s)} at each" if self.stay_s else ""
-        return f"{who} patrols {', '.join(self.places)}{order}: {laps}{stay}"
+        return f"{subject} patrols {', '.join(self.places)}{order}: {laps}{stay}"
 
 
 def read_patrol(scene: ReferenceScene, text: str, limits: PatrolLimits) -> Patrol | Unclear | None:
     """Return the patrol in `text`, a question about it, or None if it is no patrol."""
-    found = _Reading(scene, text)
-    found.read()
-    if not found.goes or len({*found.places}) < 2:
+    reading = _Reading(scene, text)
+    reading.read()
+    if not reading.goes or len({*reading.places}) < 2:
         return None
-    patrol = found.patrol(limits)
-    return None if isinstance(patrol, Unclear) and not found.certain else patrol
+    patrol = reading.patrol(limits)
+    return None if isinstance(patrol, Unclear) and not reading.certain else patrol
 
 
 class _Reading:
@@ -89,7 +89,7 @@ class _Reading:
         reader = self._reader
         ways = (
             self._takes_laps, self._takes_dwell, self._takes_way, self._takes_going,
-            self._takes_places, self._takes_who,
+            self._takes_places, self._takes_asset,
         )  # fmt: skip
         while not reader.over:
             start = reader.at
@@ -178,7 +178,7 @@ class _Reading:
             reader.take("gates")
         return bool(place)
 
-    def _takes_who(self) -> bool:
+    def _takes_asset(self) -> bool:
         reader = self._reader
         if name := asset_at(self._scene, reader):
             self._names.append(name)
@@ -197,19 +197,19 @@ class _Reading:
     def patrol(self, limits: PatrolLimits) -> Patrol | Unclear:
         """Return the patrol, or the question about it."""
         if self._endless:
-            asked = f"“{self._endless}”: a patrol ends after a number of laps, at most"
-            return Unclear("", f"{asked} {limits.most_laps} (patrol_laps). How many?")
+            problem = f"“{self._endless}”: a patrol ends after a number of laps, at most"
+            return Unclear("", f"{problem} {limits.most_laps} (patrol_laps). How many?")
         if self._left:
             left = " ".join(self._left)
-            asked = "Say who goes, where, how many laps, and how long at each place."
-            return Unclear("", f"“{left}” has no part in a patrol. {asked}")
+            problem = "Say who goes, where, how many laps, and how long at each place."
+            return Unclear("", f"“{left}” has no part in a patrol. {problem}")
         if self._laps > limits.most_laps:
             most = f"at most {limits.most_laps} laps (patrol_laps)"
             return Unclear("", f"{self._laps} laps are too many: {most}. How many?")
         several = {*self._names}, {*self._kinds}
         if len(several[0]) > 1 or (not self._names and len(several[1]) > 1):
-            who = " and ".join((*self._names, *self._kinds))
-            return Unclear("", f"{who}: one asset goes on a patrol. Which one?")
+            assets = " and ".join((*self._names, *self._kinds))
+            return Unclear("", f"{assets}: one asset goes on a patrol. Which one?")
         places = self._in_order()
         stay_s = self._stay_s if self._stay_s >= 0.0 else limits.stay_s
         name = self._names[0] if self._names else ""
@@ -231,7 +231,7 @@ class _Reading:
     def _angle(self, place: str) -> float:
         """Return the direction of a place from the middle of all gates, counted from the south."""
         spots = [self._scene.spot(gate) for gate in self._scene.gates]
-        x, y = (sum(each) / len(spots) for each in zip(*spots, strict=True))
+        x, y = (sum(coordinates) / len(spots) for coordinates in zip(*spots, strict=True))
         at = self._scene.spot(place)
         return math.atan2(at[0] - x, -(at[1] - y)) % (2 * math.pi)
 

@@ -39,7 +39,7 @@ _PERCENT = frozenset(_WORDS["percent"])
 _SOMEBODY = frozenset(_WORDS["somebody"])
 _COMES = frozenset(_WORDS["comes"])
 _STOPS = frozenset(_WORDS["stops"])
-_KNOWN = {
+_IDENTITIES = {
     "unknown": ("it.identity == 'unknown'", "unknown"),
     "unidentified": ("it.identity == 'unknown'", "unknown"),
     "unauthorized": ("it.identity == 'unauthorized'", "unauthorized"),
@@ -116,20 +116,20 @@ def read_condition(scene: ReferenceScene, tokens: Sequence[WordToken]) -> ReadCo
     """Return the condition in `tokens`; None if one of the words is not understood."""
     reader = Reader(tokens)
     there_is = bool(reader.take("there is", "there are", "there 's"))
-    said = _subject(scene, reader)
-    if said is None:
+    parts = _subject(scene, reader)
+    if parts is None:
         return None
-    _place(scene, reader, said)
-    so = "is there" if there_is and said.each == "track" and said.where else ""
-    if so:
-        said.terms.append(_STAYS)
+    _place(scene, reader, parts)
+    state = "is there" if there_is and parts.each == "track" and parts.where else ""
+    if state:
+        parts.terms.append(_STAYS)
     else:
-        predicate = {"asset": _of_asset, "gate": _of_gate, "track": _of_track}[said.each]
-        so = predicate(scene, reader, said)
+        predicate = {"asset": _of_asset, "gate": _of_gate, "track": _of_track}[parts.each]
+        state = predicate(scene, reader, parts)
     reader.skip(frozenset((",", ".", "!", "again", "now")))
-    if not so or not reader.over:
+    if not state or not reader.over:
         return None
-    return ReadCondition(said.each, " && ".join(said.terms), f"{said.who}{said.where} {so}")
+    return ReadCondition(parts.each, " && ".join(parts.terms), f"{parts.who}{parts.where} {state}")
 
 
 # ------------------------------------------------------------------ the subject
@@ -182,51 +182,51 @@ def _other_noun(reader: Reader) -> _ConditionParts | None:
     """Read *gate*, or a contact with its known identity: *unknown vehicle*."""
     if reader.take("gate", "gates", "post", "entrance"):
         return _ConditionParts("gate", "a gate")
-    said = _ConditionParts("track")
+    parts = _ConditionParts("track")
     adjectives: list[str] = []
-    while word := reader.take_in(_KNOWN.keys()):
-        cel, plain = _KNOWN[word]
-        said.terms.append(cel)
+    while word := reader.take_in(_IDENTITIES.keys()):
+        cel, plain = _IDENTITIES[word]
+        parts.terms.append(cel)
         adjectives.append(plain)
     word = reader.word().removesuffix("s")
     if word not in words.CONTACTS:
         return None
     reader.at += 1
     if kind := words.CONTACTS[word]:
-        said.terms.append(f"it.kind == {_text(kind)}")
+        parts.terms.append(f"it.kind == {_text(kind)}")
     noun = " ".join((*adjectives, kind or "visitor"))
-    said.who = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
-    return said
+    parts.who = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+    return parts
 
 
-def _place(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> None:
+def _place(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> None:
     """Read *at the east gate* after an asset or a track."""
     start = reader.at
-    if said.each == "gate" or not reader.take_in(words.IN):
+    if parts.each == "gate" or not reader.take_in(words.IN):
         return
     place = place_at(scene, reader)
-    if not place or (said.each == "track" and place not in scene.gates):
+    if not place or (parts.each == "track" and place not in scene.gates):
         reader.at = start
         return
-    said.where = f" at {place}"
+    parts.where = f" at {place}"
     quoted = _text(place)
-    at = f"(it.post == {quoted} || it.at == {quoted})" if said.each == "asset" else _gate(place)
-    said.terms.append(at)
+    at = f"(it.post == {quoted} || it.at == {quoted})" if parts.each == "asset" else _gate(place)
+    parts.terms.append(at)
 
 
 # ------------------------------------------------------------------ the state of the subject
 
 
-def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
+def _of_asset(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     """Read the state of an asset and return it in words; '' if it is not understood."""
     start = reader.at
     if reader.take("'s") and not reader.take_in(words.CHARGE):
         reader.at = start
     if reader.take("fails", "breaks down", "dies", "breaks", "crashes", "has failed", "goes down"):
-        return _so(said, *_FAILS)
+        return _with_term(parts, *_FAILS)
     if reader.take("stops answering", "is not heard", "is not heard of", "is no longer heard",
                    "goes off the net", "loses its link", "loses the link"):  # fmt: skip
-        return _so(said, *_UNHEARD)
+        return _with_term(parts, *_UNHEARD)
     has = bool(reader.take("has", "have")) and not reader.take("fallen", "dropped", "sunk", "gone")
     if not has:
         reader.take(*_IS)
@@ -235,30 +235,30 @@ def _of_asset(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> s
         comparison, percent = charge
         sign = "<" if comparison == "below" else ">"
         below = f"is {comparison} {percent:g} % battery"
-        return _so(said, f"it.battery_pct {sign} {percent:.1f}", below)
-    return "" if has else _state(reader, said) or _arrives(scene, reader, said)
+        return _with_term(parts, f"it.battery_pct {sign} {percent:.1f}", below)
+    return "" if has else _state(reader, parts) or _arrives(scene, reader, parts)
 
 
-def _state(reader: Reader, said: _ConditionParts) -> str:
+def _state(reader: Reader, parts: _ConditionParts) -> str:
     """Read a state of an asset after *is* and return it in words; '' if there is none."""
     if reader.take("low", "flat", "nearly empty", "almost empty", "out of battery"):
         if reader.take("on", "of"):
             reader.take_in(words.CHARGE)
-        return _so(said, "it.low_battery", "is low on battery")
+        return _with_term(parts, "it.low_battery", "is low on battery")
     if reader.take_in(words.FAILED) or reader.take("out of order", "out of action"):
-        return _so(said, *_FAILS)
+        return _with_term(parts, *_FAILS)
     if reader.take_in(words.SILENT):
-        return _so(said, *_UNHEARD)
+        return _with_term(parts, *_UNHEARD)
     if reader.take("suspect", "spoofed", "sending suspect telemetry", "suspect telemetry"):
-        return _so(said, "it.integrity == 'suspect'", "sends suspect telemetry")
+        return _with_term(parts, "it.integrity == 'suspect'", "sends suspect telemetry")
     return ""
 
 
-def _arrives(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
-    if said.where or not reader.take("at", "arrives at", "reaches", "back at", "comes to", "in"):
+def _arrives(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
+    if parts.where or not reader.take("at", "arrives at", "reaches", "back at", "comes to", "in"):
         return ""
     place = place_at(scene, reader)
-    return _so(said, f"it.at == {_text(place)}", f"is at {place}") if place else ""
+    return _with_term(parts, f"it.at == {_text(place)}", f"is at {place}") if place else ""
 
 
 def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
@@ -282,72 +282,76 @@ def _charge(reader: Reader, *, has: bool) -> tuple[str, float] | None:
     return ("below" if below else "above"), percent
 
 
-def _of_gate(_: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
+def _of_gate(_: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     """Read the cover of a gate and return it in words; '' if it is not understood."""
     bare = "!it.covered && size(it.unsure) == 0"
     if reader.take("has no", "has not a", "is without a", "is without", "loses its last",
                    "loses its only", "loses its", "has lost its"):  # fmt: skip
         if reader.take_in(words.GUARDS):
-            return _so(said, bare, "has no guard")
+            return _with_term(parts, bare, "has no guard")
         return ""
     if reader.take("has only one", "has fewer than two", "has less than two", "is down to one"):
         if reader.take_in(words.GUARDS):
-            return _so(said, "size(it.by) < 2", "has fewer than 2 guards")
+            return _with_term(parts, "size(it.by) < 2", "has fewer than 2 guards")
         return ""
     reader.take("is left", "is", "'s", "gets", "becomes", "stands", "goes")
     if reader.take_in(words.BARE) or (reader.take("not") and reader.take_in(words.GUARDED)):
-        return _so(said, bare, "has no guard")
+        return _with_term(parts, bare, "has no guard")
     return ""
 
 
-def _of_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
+def _of_track(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     """Read the behaviour of a track and return it in words; '' if it is not understood."""
     if reader.take("ignores", "defies", "disregards"):
         reader.take("a", "the", "its", "our")
         ignored = bool(reader.take("warning", "warnings"))
-        return _so(said, "it.defiant", "ignores a warning") if ignored else ""
+        return _with_term(parts, "it.defiant", "ignores a warning") if ignored else ""
     if reader.take("gets inside", "comes inside", "is inside", "gets in", "comes in", "breaks in",
                    "passes the gate"):  # fmt: skip
-        return _so(said, "it.status == 'inside'", "is inside")
+        return _with_term(parts, "it.status == 'inside'", "is inside")
     if reader.take("turns up", "shows up"):
-        return _comes(scene, reader, said)
+        return _comes(scene, reader, parts)
     if reader.take("is", "'s", "turns out", "turns", "becomes", "proves"):
-        return _is_track(scene, reader, said)
+        return _is_track(scene, reader, parts)
     if reader.take_in(_STOPS):
-        return _so(said, "it.status == 'stopped'", f"stops{_target(scene, reader, said, 'at')}")
+        return _with_term(
+            parts, "it.status == 'stopped'", f"stops{_target(scene, reader, parts, 'at')}"
+        )
     if reader.take_in(_COMES):
         reader.take("up")
-        return _comes(scene, reader, said)
+        return _comes(scene, reader, parts)
     return ""
 
 
-def _comes(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
+def _comes(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     """Read the destination of a track and return its movement in words."""
-    target = _target(scene, reader, said, "to")
-    return _so(said, _STAYS, f"comes{target or (' to a gate' if not said.where else '')}")
+    target = _target(scene, reader, parts, "to")
+    return _with_term(parts, _STAYS, f"comes{target or (' to a gate' if not parts.where else '')}")
 
 
-def _is_track(scene: ReferenceScene, reader: Reader, said: _ConditionParts) -> str:
+def _is_track(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     reader.take("to be")
     reader.take("identified as", "known to be", "found to be")
-    if word := reader.take_in(_KNOWN.keys()):
-        cel, plain = _KNOWN[word]
-        return _so(said, f"{_STAYS} && {cel}", f"is {plain}")
+    if word := reader.take_in(_IDENTITIES.keys()):
+        cel, plain = _IDENTITIES[word]
+        return _with_term(parts, f"{_STAYS} && {cel}", f"is {plain}")
     if reader.take("approaching", "coming", "seen", "detected", "arriving"):
         reader.take("up")
-        return _comes(scene, reader, said)
+        return _comes(scene, reader, parts)
     if reader.take("waiting", "parked", "standing", "stopped"):
-        return _so(said, "it.status == 'stopped'", f"stops{_target(scene, reader, said, 'at')}")
-    target = _target(scene, reader, said, "at")
-    return _so(said, _STAYS, f"is{target}") if target else ""
+        return _with_term(
+            parts, "it.status == 'stopped'", f"stops{_target(scene, reader, parts, 'at')}"
+        )
+    target = _target(scene, reader, parts, "at")
+    return _with_term(parts, _STAYS, f"is{target}") if target else ""
 
 
-def _target(scene: ReferenceScene, reader: Reader, said: _ConditionParts, joint: str) -> str:
+def _target(scene: ReferenceScene, reader: Reader, parts: _ConditionParts, joint: str) -> str:
     """Read the destination of a contact: *to the east gate*, *at any gate*; return '' if none."""
     start = reader.at
     reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
-    if not said.where and (place := place_at(scene, reader)) in scene.gates:
-        said.terms.append(_gate(place))
+    if not parts.where and (place := place_at(scene, reader)) in scene.gates:
+        parts.terms.append(_gate(place))
         return f" {joint} {place}"
     if reader.take("a gate", "any gate", "one of the gates", "the gates", "any of the gates",
                    "the checkpoint", "the perimeter"):  # fmt: skip
@@ -356,8 +360,8 @@ def _target(scene: ReferenceScene, reader: Reader, said: _ConditionParts, joint:
     return ""
 
 
-def _so(said: _ConditionParts, cel: str, plain: str) -> str:
-    said.terms.append(cel)
+def _with_term(parts: _ConditionParts, cel: str, plain: str) -> str:
+    parts.terms.append(cel)
     return plain
 
 
@@ -388,24 +392,24 @@ def asks_nobody(text: str) -> tuple[str, bool]:
 def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
     """Return a standing order, a question about one, or None if the text is none."""
     linked = link_names(scene.world, text)
-    said, unasked = asks_nobody(linked)
-    limit = _LIMIT.search(said)
+    command, unasked = asks_nobody(linked)
+    limit = _LIMIT.search(command)
     most = MOST_STARTS
     if limit is not None:
         word = limit[1].lower()
         most = int(word) if word.isdecimal() else _TIMES.get(word, 0)
-    parts = _parts(_LIMIT.sub("", said))
+    parts = _parts(_LIMIT.sub("", command))
     if parts is None:
         return None
     if not 1 <= most <= _MOST_LIMIT:
         return Unclear("", f"How many times an hour at most? A number from 1 to {_MOST_LIMIT}.")
     for condition, order in parts:
-        read = read_condition(scene, read_tokens(condition))
-        if read is not None:
-            written = _with_slots(read.each, order)
-            if isinstance(written, Unclear):
-                return written
-            return ReadStanding(read, written, unasked, most)
+        reading = read_condition(scene, read_tokens(condition))
+        if reading is not None:
+            template = _with_slots(reading.each, order)
+            if isinstance(template, Unclear):
+                return template
+            return ReadStanding(reading, template, unasked, most)
     return Unclear(
         "",
         "it is to hold from now on, and what it waits for is not understood. Say it as: Whenever "
@@ -433,12 +437,12 @@ def _parts(text: str) -> list[tuple[str, str]] | None:
 
 def _first_condition(text: str) -> Iterator[tuple[str, str]]:
     """Yield the ways to split *CONDITION, ORDER*: at a comma, *then*, a colon or a dash."""
-    for found in re.finditer(r",\s*(?:then\b\s*)?|:\s*|\s+then\s+|\s+[-–—]\s+", text):
-        if order := text[found.end() :].strip():
-            yield text[: found.start()], order
+    for separator in re.finditer(r",\s*(?:then\b\s*)?|:\s*|\s+then\s+|\s+[-–—]\s+", text):
+        if order := text[separator.end() :].strip():
+            yield text[: separator.start()], order
 
 
-def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
+def _with_slots(subject_kind: SubjectKind, order: str) -> str | Unclear:
     """Return an order with slots for the subject and its gate, or a question about it."""
     if "{" in order or "}" in order:
         return Unclear("", "braces mean nothing in an order. What is to be done?")
@@ -446,27 +450,27 @@ def _with_slots(each: SubjectKind, order: str) -> str | Unclear:
     text, done, at = "", 0, 0
     while at < len(tokens):
         reader = Reader(tokens, at)
-        slot = _slot(each, reader, tokens, at)
+        slot = _slot(subject_kind, reader, tokens, at)
         if slot:
             text += order[done : tokens[at].start] + slot
             done = tokens[reader.at - 1].end
         elif tokens[at].word in _STRAY:
-            said = tokens[at].said
-            return Unclear("", f"What does “{said}” stand for in “{order}”? Say it anew.")
+            word = tokens[at].said
+            return Unclear("", f"What does “{word}” stand for in “{order}”? Say it anew.")
         at = max(at + 1, reader.at)
     text = " ".join((text + order[done:]).split())
     text = text if tokens and tokens[0].said[:1].isupper() else f"{text[:1].upper()}{text[1:]}"
     return text if text.endswith((".", "!")) else f"{text}."
 
 
-def _slot(each: SubjectKind, reader: Reader, tokens: tuple[WordToken, ...], at: int) -> str:
+def _slot(subject_kind: SubjectKind, reader: Reader, tokens: tuple[WordToken, ...], at: int) -> str:
     """Read words that mean the subject or its gate, and return the slot; '' if there are none."""
-    if reader.take(*_PLACES.get(each, ())):
+    if reader.take(*_PLACES.get(subject_kind, ())):
         return PLACE
-    if reader.take(*_SUBJECTS[each]):
+    if reader.take(*_SUBJECTS[subject_kind]):
         return SUBJECT
     if reader.take(*_THERE):
-        slot = SUBJECT if each == "gate" else PLACE
+        slot = SUBJECT if subject_kind == "gate" else PLACE
         led = at > 0 and tokens[at - 1].word in _LEADS
         return slot if led else f"to {slot}"
     return ""

@@ -59,7 +59,7 @@ class ReadTimed:
 
 
 @dataclass
-class _Said:
+class _TimePhrases:
     """The phrases read so far of a `text`."""
 
     text: str
@@ -101,18 +101,18 @@ def read_timed(
     `now` is the station's local time; `answers` are the operator's earlier answers about times in
     the text.
     """
-    for words, meant in answers.items():
-        text = text.replace(words, meant, 1)
+    for words, meaning in answers.items():
+        text = text.replace(words, meaning, 1)
     tokens = read_tokens(text)
-    said = _phrases(world, text, tokens, now)
-    if said is None:
+    phrases = _phrases(world, text, tokens, now)
+    if phrases is None:
         return None
-    order = _rest(text, said.cut)
+    order = _rest(text, phrases.cut)
     if not order:
         return Unclear("", "What is to be done then? Only the time was given.")
     if left := _second_clock(world, order):
         return Unclear("", f"“{left}” is one more time: give one order for each moment.")
-    schedule = _schedule(said, now, shortest_s)
+    schedule = _schedule(phrases, now, shortest_s)
     return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
 
 
@@ -128,7 +128,9 @@ def _second_clock(world: World, order: str) -> str:
     return ""
 
 
-def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: datetime) -> _Said | None:
+def _phrases(
+    world: World, text: str, tokens: tuple[WordToken, ...], now: datetime
+) -> _TimePhrases | None:
     """Return the times, intervals and ends in the text; None if it has none.
 
     A time of something else, such as *the storm will hit in an hour*, is not a time of the order.
@@ -136,20 +138,20 @@ def _phrases(world: World, text: str, tokens: tuple[WordToken, ...], now: dateti
     spans, at = list[tuple[int, int]](), 0
     while at < len(tokens):
         reader = Reader(tokens, at)
-        found = _phrase(reader, _Said(text), now)
-        if found:
+        is_time = _phrase(reader, _TimePhrases(text), now)
+        if is_time:
             spans.append((at, reader.at))
-        at = reader.at if found else at + 1
-    said = _Said(text)
+        at = reader.at if is_time else at + 1
+    phrases = _TimePhrases(text)
     for first, end in spans:
         if is_of_order(world, tokens, spans, first):
-            _phrase(Reader(tokens, first), said, now)
-            said.cut.append((_before(tokens, first), tokens[end - 1].end))
-    if not said.timed:
+            _phrase(Reader(tokens, first), phrases, now)
+            phrases.cut.append((_before(tokens, first), tokens[end - 1].end))
+    if not phrases.timed:
         return None
     for name in ("times", "back"):
-        _cut_later(tokens, said, name)
-    return said
+        _cut_later(tokens, phrases, name)
+    return phrases
 
 
 def _before(tokens: tuple[WordToken, ...], at: int) -> int:
@@ -159,11 +161,11 @@ def _before(tokens: tuple[WordToken, ...], at: int) -> int:
     return tokens[at].start
 
 
-def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
+def _phrase(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:
     """Read one phrase of time here; return False if there is none."""
     start = reader.at
     for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
-        if read(reader, said, now):
+        if read(reader, phrases, now):
             while reader.word(1) != "the" and reader.take(*TIME_WORDS["onwards"]):
                 pass
             return True
@@ -171,22 +173,22 @@ def _phrase(reader: Reader, said: _Said, now: datetime) -> bool:
     return False
 
 
-def _cut_later(tokens: tuple[WordToken, ...], said: _Said, name: str) -> None:
+def _cut_later(tokens: tuple[WordToken, ...], phrases: _TimePhrases, name: str) -> None:
     """Read a phrase that counts only beside a time: *four times*, or *then back* at the end."""
     for at in range(len(tokens)):
         reader = Reader(tokens, at)
-        if any(first <= tokens[at].start < last for first, last in said.cut):
+        if any(first <= tokens[at].start < last for first, last in phrases.cut):
             continue
-        if name == "times" and said.every_s and (count := _repeats(reader)):
-            said.times = count
+        if name == "times" and phrases.every_s and (count := _repeats(reader)):
+            phrases.times = count
             reader.take(*TIME_WORDS["onwards"])
-        elif name == "back" and not said.every_s and (said.during_s or said.until):
+        elif name == "back" and not phrases.every_s and (phrases.during_s or phrases.until):
             if not (way := _way_back(reader)):
                 continue
-            said.to_base = bool(_TO_BASE & way)
+            phrases.to_base = bool(_TO_BASE & way)
         else:
             continue
-        said.cut.append((_before(tokens, at), tokens[reader.at - 1].end))
+        phrases.cut.append((_before(tokens, at), tokens[reader.at - 1].end))
         return
 
 
@@ -197,9 +199,9 @@ def _way_back(reader: Reader) -> set[str]:
         return set()
     first = reader.at
     reader.skip(TIME_WORDS["way_back"])
-    said = {token.word for token in reader.tokens[first : reader.at]}
+    words = {token.word for token in reader.tokens[first : reader.at]}
     reader.skip(STOPS)
-    return said if reader.over and said & set(TIME_WORDS["back"]) else set()
+    return words if reader.over and words & set(TIME_WORDS["back"]) else set()
 
 
 def _repeats(reader: Reader) -> int:
@@ -214,50 +216,50 @@ def _repeats(reader: Reader) -> int:
 # ------------------------------------------------------------------ the phrases
 
 
-def _read_every(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: PLR0911
+def _read_every(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:  # noqa: PLR0911
     """Read *every ten minutes*, *hourly*, *on the half hour*, *twice an hour*."""
     for words, minute in _ON_THE:
         if reader.take(words):
-            said.every_s, said.minute = said.every_s or 3600.0, minute
+            phrases.every_s, phrases.minute = phrases.every_s or 3600.0, minute
             return True
     first = reader.at
     reader.take(*TIME_WORDS["every"], "at", "on")
     led = reader.tokens[reader.at - 1].word if reader.at > first else ""
-    found = read_minute_of_hour(reader)
-    if found is not None and (found[1] or led in TIME_WORDS["every"]):
-        said.every_s, said.minute = 3600.0, found[0]
+    minute_of_hour = read_minute_of_hour(reader)
+    if minute_of_hour is not None and (minute_of_hour[1] or led in TIME_WORDS["every"]):
+        phrases.every_s, phrases.minute = 3600.0, minute_of_hour[0]
         return True
     reader.at = first
     if seconds := _FREQUENT.get(reader.word(), 0.0):
         reader.at += 1
         if reader.at > 1 and reader.word() not in STOPS:
             return False  # an adjective in an order: *for the daily brief*
-        said.every_s = seconds
+        phrases.every_s = seconds
         return True
     start = reader.at
     if (count := _repeats_an_hour(reader)) > 0:
-        said.every_s = 3600.0 / count
+        phrases.every_s = 3600.0 / count
         return True
     reader.at = start
     if not reader.take(*TIME_WORDS["every"]):
         return False
     whole = reader.tokens[reader.at - 1].word != "all"
     if whole and reader.take("full hour", "whole hour"):
-        said.every_s, said.minute = 3600.0, 0
+        phrases.every_s, phrases.minute = 3600.0, 0
         return True
     if whole and (day := reader.take_in(WEEKDAYS)):
-        said.every_s, said.day = 7 * DAY_S, next_weekday(day, now)
+        phrases.every_s, phrases.day = 7 * DAY_S, next_weekday(day, now)
         return True
     if whole and (part := reader.take("morning", "afternoon", "evening", "night")):
-        said.every_s, said.half = DAY_S, "am" if part == "morning" else "pm"
+        phrases.every_s, phrases.half = DAY_S, "am" if part == "morning" else "pm"
         return True
     seconds = read_duration(reader)
     if whole and not seconds:
         seconds = 2.0 * read_unit(reader) if reader.take("other") else read_unit(reader)
         seconds *= 1.5 if reader.take("and a half") else 1.0
     if seconds and reader.take("on the hour", "on the full hour"):
-        said.minute = 0
-    said.every_s = seconds or said.every_s
+        phrases.minute = 0
+    phrases.every_s = seconds or phrases.every_s
     return seconds > 0.0
 
 
@@ -271,7 +273,7 @@ def _repeats_an_hour(reader: Reader) -> int:
     return count if count and reader.take(*TIME_WORDS["times_an_hour"]) else 0
 
 
-def _read_until(reader: Reader, said: _Said, now: datetime) -> bool:
+def _read_until(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:
     if reader.take(*TIME_WORDS["endless"]):
         return True
     first = reader.at
@@ -283,11 +285,11 @@ def _read_until(reader: Reader, said: _Said, now: datetime) -> bool:
     clock = read_clock(reader, now, led=True)
     if clock is None:
         return False
-    said.until = _words_from(said, reader, first), clock
+    phrases.until = _words_from(phrases, reader, first), clock
     return True
 
 
-def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
+def _read_window(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:
     """Read *between 15:00 and 16:00*, *from 3 pm to 5 pm*."""
     first = reader.at
     if not reader.take("between", "from"):
@@ -299,42 +301,44 @@ def _read_window(reader: Reader, said: _Said, now: datetime) -> bool:
     end = read_clock(reader, now, led=True)
     if end is None:
         return False
-    words = said.text[reader.tokens[first].start : reader.tokens[middle - 1].end]
-    said.starts.append((words, start))
-    said.until = _words_from(said, reader, middle), end
+    words = phrases.text[reader.tokens[first].start : reader.tokens[middle - 1].end]
+    phrases.starts.append((words, start))
+    phrases.until = _words_from(phrases, reader, middle), end
     return True
 
 
-def _read_vague(reader: Reader, said: _Said, now: datetime) -> bool:
+def _read_vague(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:
     """Read a time that defines no moment: *in a few minutes*, *by 16:45*, *at 25:00*."""
     first = reader.at
     if reader.take("by", "before"):
         latest = read_clock(reader, now, led=True)
         if latest is None or latest.bare:
             return False
-        said.vague = _words_from(said, reader, first)
+        phrases.vague = _words_from(phrases, reader, first)
         return True
     if reader.take(*TIME_WORDS["about_when"]) and reader.take(*TIME_WORDS["parts_of_day"]):
-        said.vague = _words_from(said, reader, first)
+        phrases.vague = _words_from(phrases, reader, first)
         return True
     reader.at = first
     led = bool(reader.take("in", "for", "every"))
-    found = led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
-    if not found and (reader.take(*TIME_WORDS["at"]) or first == 0):
+    is_vague = (
+        led and bool(reader.take(*TIME_WORDS["vague"], "0", "zero")) and read_unit(reader) > 0.0
+    )
+    if not is_vague and (reader.take(*TIME_WORDS["at"]) or first == 0):
         # An invalid clock time: *at 25:00* must not become an order for now.
         parts = reader.word(), reader.word(1), reader.word(2)
-        found = parts[1] == ":" and parts[0].isdecimal() and parts[2].isdecimal()
-        reader.at += 3 * found
-    if found:
-        said.vague = _words_from(said, reader, first)
-    return found
+        is_vague = parts[1] == ":" and parts[0].isdecimal() and parts[2].isdecimal()
+        reader.at += 3 * is_vague
+    if is_vague:
+        phrases.vague = _words_from(phrases, reader, first)
+    return is_vague
 
 
-def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
+def _read_start(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:
     """Read *at 16:45*, *tonight at 11*, *in five minutes*, *five minutes from now*."""
     first = reader.at
     if reader.take("starting now", "beginning now"):
-        said.starts.append(("now", now))
+        phrases.starts.append(("now", now))
         return True
     if way := reader.take(*TIME_WORDS["after"]):
         # In the middle of an order, *wait ten minutes* is part of the task.
@@ -343,20 +347,26 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
             seconds = _bare_minutes(reader, ends=way == "in")
         if seconds:
             reader.take("time", *TIME_WORDS["hence"])
-            said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
+            phrases.starts.append(
+                (_words_from(phrases, reader, first), now + timedelta(seconds=seconds))
+            )
         return seconds > 0.0
     if (seconds := read_duration(reader)) and reader.take(*TIME_WORDS["hence"]):
-        said.starts.append((_words_from(said, reader, first), now + timedelta(seconds=seconds)))
+        phrases.starts.append(
+            (_words_from(phrases, reader, first), now + timedelta(seconds=seconds))
+        )
         return True
     reader.at = first
     reader.take(*TIME_WORDS["at"], "on")
-    if (found := read_minute_of_hour(reader)) is not None and not found[1]:
-        said.starts.append((_words_from(said, reader, first), _aligned(now, found[0])))
+    if (minute_of_hour := read_minute_of_hour(reader)) is not None and not minute_of_hour[1]:
+        phrases.starts.append(
+            (_words_from(phrases, reader, first), _aligned(now, minute_of_hour[0]))
+        )
         return True
     reader.at = first
     led = reader.take(*TIME_WORDS["at"]) or _stands_alone(reader, now)
     day, half = read_day(reader, now)
-    half = half or said.half
+    half = half or phrases.half
     if day is not None and not led:
         after = reader.at
         reader.take(",")
@@ -366,12 +376,12 @@ def _read_start(reader: Reader, said: _Said, now: datetime) -> bool:
     if clock is None or (led == "from" and clock.bare):
         tomorrow = day is not None and day > now.date() and not led
         if tomorrow and (first == 0 or reader.word() in STOPS) and reader.word(-1) not in WEEKDAYS:
-            said.day = day
+            phrases.day = day
             return True
         return False
     if not led and first > 0 and day is None and reader.word() not in STOPS:
         return False
-    said.starts.append((_words_from(said, reader, first), clock))
+    phrases.starts.append((_words_from(phrases, reader, first), clock))
     return True
 
 
@@ -401,7 +411,7 @@ def _stands_alone(reader: Reader, now: datetime) -> str:
     return "at" if clock is not None and not clock.bare and borders else ""
 
 
-def _read_during(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: ARG001
+def _read_during(reader: Reader, phrases: _TimePhrases, now: datetime) -> bool:  # noqa: ARG001
     """Read *for ten minutes*, *for the next two hours*, and *ten minutes* before *then back*."""
     led = reader.take(*TIME_WORDS["during"])
     if not led and (reader.at == 0 or reader.word(-1) not in STOPS):
@@ -409,66 +419,76 @@ def _read_during(reader: Reader, said: _Said, now: datetime) -> bool:  # noqa: A
     seconds = read_duration(reader)
     if not led and not (seconds and _way_back(Reader(reader.tokens, reader.at))):
         return False
-    said.during_s = seconds
-    return said.during_s > 0.0
+    phrases.during_s = seconds
+    return phrases.during_s > 0.0
 
 
-def _words_from(said: _Said, reader: Reader, first: int) -> str:
-    return said.text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
+def _words_from(phrases: _TimePhrases, reader: Reader, first: int) -> str:
+    return phrases.text[reader.tokens[first].start : reader.tokens[reader.at - 1].end]
 
 
 # ------------------------------------------------------------------ the schedule
 
 
 def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
-    said: _Said, now: datetime, shortest_s: float
+    phrases: _TimePhrases, now: datetime, shortest_s: float
 ) -> Schedule | Unclear:
     """Return the schedule of the order, or the question why its times cannot be used."""
-    latest = said.until is not None and not said.every_s and said.until[0].lower()
+    latest = phrases.until is not None and not phrases.every_s and phrases.until[0].lower()
     if latest and latest.startswith(TIME_WORDS["last_at"]):
-        said.vague = said.until[0] if said.until else ""
-    if said.vague:
-        return Unclear("", f"“{said.vague}” names no moment: at what time, or in how many minutes?")
-    if len(said.starts) > 1:
-        both = " and ".join(f"“{words}”" for words, _ in said.starts)
+        phrases.vague = phrases.until[0] if phrases.until else ""
+    if phrases.vague:
+        return Unclear(
+            "", f"“{phrases.vague}” names no moment: at what time, or in how many minutes?"
+        )
+    if len(phrases.starts) > 1:
+        both = " and ".join(f"“{words}”" for words, _ in phrases.starts)
         return Unclear("", f"{both} are two moments: give one order for each of them.")
-    start = _first(said, now)
+    start = _first(phrases, now)
     if isinstance(start, Unclear):
         return start
-    if 0.0 < said.every_s < shortest_s:
-        told = f"every {duration_words(said.every_s)}"
+    if 0.0 < phrases.every_s < shortest_s:
+        interval = f"every {duration_words(phrases.every_s)}"
         least = duration_words(shortest_s)
-        return Unclear("", f"{told} is too often: at most every {least} (shortest_interval_s).")
+        return Unclear("", f"{interval} is too often: at most every {least} (shortest_interval_s).")
     if start > now + MOST_AHEAD:
         return Unclear("", f"{start:%d %B} is too far ahead: at most {MOST_AHEAD.days} days.")
-    until = _end(said, start, now)
+    until = _end(phrases, start, now)
     if isinstance(until, Unclear):
         return until
     if until is not None and until <= start:
         return Unclear("", f"it would end at {until:%H:%M} before it begins at {start:%H:%M}.")
-    if said.every_s:
-        if until is None and said.during_s:
-            until = start + timedelta(seconds=said.during_s)
+    if phrases.every_s:
+        if until is None and phrases.during_s:
+            until = start + timedelta(seconds=phrases.during_s)
         return Schedule(
-            start=start, at_once=start == now, every_s=said.every_s, until=until, times=said.times
+            start=start,
+            at_once=start == now,
+            every_s=phrases.every_s,
+            until=until,
+            times=phrases.times,
         )
     return Schedule(
-        start=start, at_once=start == now, stay_s=said.during_s, leave=until, to_base=said.to_base
+        start=start,
+        at_once=start == now,
+        stay_s=phrases.during_s,
+        leave=until,
+        to_base=phrases.to_base,
     )
 
 
-def _first(said: _Said, now: datetime) -> datetime | Unclear:
-    if said.starts:
-        words, first = said.starts[0]
+def _first(phrases: _TimePhrases, now: datetime) -> datetime | Unclear:
+    if phrases.starts:
+        words, first = phrases.starts[0]
         if isinstance(first, datetime):
             return first
-        at = _moment(words, first, said, now)
-        if isinstance(at, Unclear) or said.minute is None:
+        at = _moment(words, first, phrases, now)
+        if isinstance(at, Unclear) or phrases.minute is None:
             return at
-        return _aligned(at, said.minute)
-    if said.minute is not None:
-        return _aligned(now, said.minute)
-    if said.day is not None and said.day != now.date():
+        return _aligned(at, phrases.minute)
+    if phrases.minute is not None:
+        return _aligned(now, phrases.minute)
+    if phrases.day is not None and phrases.day != now.date():
         return Unclear("", "At what time of that day? Say for example: tomorrow at 16:45.")
     return now
 
@@ -479,39 +499,43 @@ def _aligned(now: datetime, minute: int) -> datetime:
     return at if at >= now else at + timedelta(hours=1)
 
 
-def _moment(words: str, clock: ClockTime, said: _Said, now: datetime) -> datetime | Unclear:
+def _moment(
+    words: str, clock: ClockTime, phrases: _TimePhrases, now: datetime
+) -> datetime | Unclear:
     """Return the moment of a clock time, or a question if it has passed or can mean two moments."""
-    day = clock.day or said.day
+    day = clock.day or phrases.day
     at = _on(day or now.date(), clock.at, now, utc=clock.utc)
     if not clock.settled:
         ways = [at, at + timedelta(hours=12) if at.hour < 12 else at - timedelta(hours=12)]
-        ways = [one if day or one > now else one + timedelta(days=1) for one in ways]
-        choices = tuple(_as_said(one, now) for one in sorted(ways) if one > now)
+        ways = [moment if day or moment > now else moment + timedelta(days=1) for moment in ways]
+        choices = tuple(_moment_words(moment, now) for moment in sorted(ways) if moment > now)
         if choices:
-            asked = f"“{words}”: in the morning or in the evening?"
-            return Unclear(words, asked, choices)
+            question = f"“{words}”: in the morning or in the evening?"
+            return Unclear(words, question, choices)
     if at < now - timedelta(seconds=JUST_S):
         if at.hour == at.minute == 0 and not day:
             return at + timedelta(days=1)  # midnight is the end of the day
-        if said.every_s and not day:
+        if phrases.every_s and not day:
             return at + timedelta(days=1)
-        question = f"{at:%H:%M} has passed: it is {now:%H:%M}. At what time?"
-        return Unclear(words, question, (_as_said(at + timedelta(days=1), now),) * (not clock.day))
+        passed = f"{at:%H:%M} has passed: it is {now:%H:%M}. At what time?"
+        return Unclear(
+            words, passed, (_moment_words(at + timedelta(days=1), now),) * (not clock.day)
+        )
     return max(at, now)
 
 
-def _end(said: _Said, start: datetime, now: datetime) -> datetime | Unclear | None:
-    if said.until is None:
+def _end(phrases: _TimePhrases, start: datetime, now: datetime) -> datetime | Unclear | None:
+    if phrases.until is None:
         return None
-    words, clock = said.until
+    words, clock = phrases.until
     day = clock.day or start.date()
     at = _on(day, clock.at, now, utc=clock.utc)
     if not clock.settled:
         ways = [at, at + timedelta(hours=12) if at.hour < 12 else at - timedelta(hours=12)]
-        choices = tuple(f"until {one:%H:%M}" for one in sorted(ways) if one > start)
+        choices = tuple(f"until {moment:%H:%M}" for moment in sorted(ways) if moment > start)
         return Unclear(words, f"“{words}”: in the morning or in the evening?", choices)
     if at <= start and clock.day is None:
-        if not said.starts and (at.hour or at.minute):
+        if not phrases.starts and (at.hour or at.minute):
             return Unclear("", f"{at:%H:%M} has passed: it is {now:%H:%M}. Until when?")
         at += timedelta(days=1)
     return at
@@ -526,7 +550,7 @@ def _on(day: date, at: time, now: datetime, *, utc: bool) -> datetime:
     return datetime.combine(day, at).astimezone()
 
 
-def _as_said(at: datetime, now: datetime) -> str:
+def _moment_words(at: datetime, now: datetime) -> str:
     day = "" if at.date() == now.date() else "tomorrow "
     if day and at.date() != now.date() + timedelta(days=1):
         day = f"{at:%A} "
@@ -535,15 +559,15 @@ def _as_said(at: datetime, now: datetime) -> str:
 
 def schedule_words(schedule: Schedule, now: datetime) -> str:
     """Return a schedule in words: *every 10 minutes from 15:00 until 18:00*."""
-    begins = "now" if schedule.at_once else _as_said(schedule.start, now)
+    begins = "now" if schedule.at_once else _moment_words(schedule.start, now)
     if schedule.every_s:
         words = f"every {duration_words(schedule.every_s)} from {begins.removeprefix('at ')}"
         if schedule.until is not None:
-            words += f" until {_as_said(schedule.until, now).replace('at ', '')}"
+            words += f" until {_moment_words(schedule.until, now).replace('at ', '')}"
         return words + (f", {schedule.times} times" if schedule.times else "")
     then = "then to base" if schedule.to_base else "then back"
     if schedule.leave is not None:
-        return f"{begins}, until {_as_said(schedule.leave, now).replace('at ', '')}, {then}"
+        return f"{begins}, until {_moment_words(schedule.leave, now).replace('at ', '')}, {then}"
     stay = f", for {duration_words(schedule.stay_s)} in place, {then}"
     return begins + stay * bool(schedule.stay_s)
 

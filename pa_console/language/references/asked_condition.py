@@ -46,15 +46,15 @@ class AskedCondition:
 
 def conditional_order(scene: ReferenceScene, text: str) -> str:
     """Return a question and the order after it as an order under a condition; '' for none."""
-    question, mark, rest = text.partition("?")
+    asking, mark, rest = text.partition("?")
     if not mark or not rest.strip():
         return ""
-    asked = _question(scene, read_tokens(question))
+    question = _question(scene, read_tokens(asking))
     tokens = read_tokens(rest)
-    if asked is None or not tokens:
+    if question is None or not tokens:
         return ""
     reader = Reader(tokens)
-    fact = asked.condition.fact
+    fact = question.condition.fact
     if reader.take(*_NOT_SO):
         fact = _OPPOSITE[fact]
     elif not reader.take(*_SO) and fact != "free":
@@ -63,8 +63,8 @@ def conditional_order(scene: ReferenceScene, text: str) -> str:
         pass
     if reader.over or fact == "none_free":
         return ""
-    condition = asked.condition.model_copy(update={"fact": fact})
-    order = _order(scene, rest, tokens[reader.at :], asked)
+    condition = question.condition.model_copy(update={"fact": fact})
+    order = _order(scene, rest, tokens[reader.at :], question)
     return f"If {_plain(condition)}, {order}"
 
 
@@ -77,8 +77,8 @@ def _question(scene: ReferenceScene, tokens: Sequence[WordToken]) -> AskedCondit
     )
     if free := _free(scene, reader):
         return AskedCondition(Condition(fact="free", kind=free), _PLAIN_KIND[free])
-    if not nothing and (found := _of_asset(scene, reader)):
-        return found
+    if not nothing and (asked_condition := _of_asset(scene, reader)):
+        return asked_condition
     somebody = bool(reader.take(*_SOMEBODY))
     reader.take("any", "a", "some", "an")
     reader.take("unknown", "strange")
@@ -131,19 +131,19 @@ def _of_asset(scene: ReferenceScene, reader: Reader) -> AskedCondition | None:
 
 
 def _plain(condition: Condition) -> str:
-    said = {"subject": condition.subject}
+    slots = {"subject": condition.subject}
     if condition.track:
-        said["track"] = condition.track
+        slots["track"] = condition.track
     if condition.kind is not None:
-        said["kind"] = _PLAIN_KIND[condition.kind]
-    return CONDITIONS[condition.fact].plain.write(said)
+        slots["kind"] = _PLAIN_KIND[condition.kind]
+    return CONDITIONS[condition.fact].plain.write(slots)
 
 
 def _order(
-    scene: ReferenceScene, rest: str, tokens: Sequence[WordToken], asked: AskedCondition
+    scene: ReferenceScene, rest: str, tokens: Sequence[WordToken], question: AskedCondition
 ) -> str:
     """Return the order, with names for *it*, *its gate* and *there*."""
-    subject = asked.subject
+    subject = question.subject
     is_gate, is_asset = subject in scene.gates, subject in scene.world.assets
     gate = subject if is_gate else scene.guarded_by(subject) if is_asset else ""
     text, done = "", tokens[0].start

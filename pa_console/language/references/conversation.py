@@ -57,12 +57,12 @@ class Unclear:
     """True if the words describe an asset or point at one, so that a model may know which."""
 
 
-def substituted(text: str, meant: Sequence[ResolvedReference]) -> str:
-    """Return `text` with every reference in `meant` replaced; references do not overlap."""
+def substituted(text: str, references: Sequence[ResolvedReference]) -> str:
+    """Return `text` with every reference in `references` replaced; references do not overlap."""
     parts, done = list[str](), 0
-    for one in sorted(meant, key=lambda each: each.start):
-        parts += [text[done : one.start], one.written]
-        done = one.end
+    for reference in sorted(references, key=lambda item: item.start):
+        parts += [text[done : reference.start], reference.written]
+        done = reference.end
     return "".join((*parts, text[done:]))
 
 
@@ -130,14 +130,16 @@ def corrects(text: str) -> Literal["replaces", "takes back", ""]:
     *No, the other gate* does the first, *never mind* the second; both say so at once.
     """
     words = [token.word for token in read_tokens(text) if token.word[0].isalnum()]
-    said = f" {' '.join(words)} "
+    sentence = f" {' '.join(words)} "
     if len(words) > _MOST_CORRECTING or not words:
         return ""
-    undone = next((phrase for phrase in _UNDOING if said.startswith(f" {phrase} ")), "")
+    undone = next((phrase for phrase in _UNDOING if sentence.startswith(f" {phrase} ")), "")
     if undone and len(words) <= len(undone.split()) + 1:
         return "takes back"
     begins = words[0] in _CORRECTING - {"change", "rather", "mean", "not"}
-    begins = begins or any(said.startswith(f" {phrase} ") for phrase in (*_BEGINNING, *_UNDOING))
+    begins = begins or any(
+        sentence.startswith(f" {phrase} ") for phrase in (*_BEGINNING, *_UNDOING)
+    )
     return "replaces" if begins else ""
 
 
@@ -194,9 +196,9 @@ class _Turn:
             self._joined,
             self._brought_back,
         ):
-            found = way() if self._moves else None
-            if found is not None:
-                return found
+            order = way() if self._moves else None
+            if order is not None:
+                return order
         return self._asked_too() or self._pronouns()
 
     # ---------------------------------------------------------------- what is said
@@ -227,12 +229,12 @@ class _Turn:
         return next((phrase for phrase in phrases if f" {phrase} " in self._low), "")
 
     @property
-    def _asked(self) -> list[str]:
-        return [one.name for one in self._assets if not one.ruled_out]
+    def _named_assets(self) -> list[str]:
+        return [asset.name for asset in self._assets if not asset.ruled_out]
 
     @property
-    def _wanted(self) -> list[str]:
-        return [one.name for one in self._places if not one.ruled_out]
+    def _named_places(self) -> list[str]:
+        return [place.name for place in self._places if not place.ruled_out]
 
     @property
     def _corrects(self) -> bool:
@@ -254,7 +256,7 @@ class _Turn:
         words = set(self._words)
         if self._places or words & (_HOME | {"back"}) or ("?" in words and words & _WELL):
             return True
-        if self._has(*_THERE) and (self._asked or any(map(self._scene.members, words))):
+        if self._has(*_THERE) and (self._named_assets or any(map(self._scene.members, words))):
             return True
         return any(verb.plain for verb in find_verbs(self._text))
 
@@ -277,14 +279,14 @@ class _Turn:
     def _asked_too(self) -> ResolvedOrder | None:
         """Resolve *And Ugv_T02?* after a question about another asset."""
         rest = [word for at, word in enumerate(self._words) if not self._is_named(at)]
-        if not (self._scene.asked_about and self._asked and rest[-1:] == ["?"]):
+        if not (self._scene.asked_about and self._named_assets and rest[-1:] == ["?"]):
             return None
         if {*rest} - _AND_THEN:
             return None
-        return self._whole(_sentence([f"{name} reports" for name in self._asked]))
+        return self._whole(_sentence([f"{name} reports" for name in self._named_assets]))
 
     def _is_named(self, at: int) -> bool:
-        return any(one.at <= at < one.end for one in self._assets)
+        return any(asset.at <= at < asset.end for asset in self._assets)
 
     def _whole(self, order: str, *, undoes: bool = False, corrects: bool = False) -> ResolvedOrder:
         return ResolvedOrder(order, ((self._text.strip(), order),), undoes, corrects)
@@ -310,33 +312,33 @@ class _Turn:
         return orders
 
     def _undone(self) -> ResolvedOrder | None:
-        if not self._has(*_UNDOING) or self._asked or self._wanted:
+        if not self._has(*_UNDOING) or self._named_assets or self._named_places:
             return None
         orders = self._returns(self._movers)
         return self._whole(_sentence(orders), undoes=True) if orders else None
 
     def _place_corrected(self) -> ResolvedOrder | None:
         """Resolve *No, the south gate.*: the same for another place."""
-        wanted = self._wanted
-        if len(wanted) != 1 or self._asked or not self._corrects or self._does:
+        places = self._named_places
+        if len(places) != 1 or self._named_assets or not self._corrects or self._does:
             return None
         if len(self._words) > _MOST_CORRECTING or (
             self._has(*_IT, *_THEY) and not self._has(*_MAKE_IT)
         ):
             return None
-        orders = [self._order(move.agent, move, wanted[0]) for move in self._moves]
+        orders = [self._order(move.agent, move, places[0]) for move in self._moves]
         return self._whole(_sentence(orders), corrects=True)
 
     def _agent_corrected(self) -> ResolvedOrder | None:
         """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
-        others = [name for name in self._asked if name not in self._movers]
+        others = [name for name in self._named_assets if name not in self._movers]
         others = others or self._meant_instead()
         there = self._has(*_THERE)
-        if not others or not self._corrects or self._does or (self._wanted and not there):
+        if not others or not self._corrects or self._does or (self._named_places and not there):
             return None
-        if self._wanted or self._has("report", "home"):
+        if self._named_places or self._has("report", "home"):
             return None
-        ruled_out = [one.name for one in self._assets if one.ruled_out]
+        ruled_out = [asset.name for asset in self._assets if asset.ruled_out]
         replaced = [name for name in self._movers if name in ruled_out] or self._movers
         move = next(move for move in self._moves if move.agent in replaced)
         orders = [self._order(other, move) for other in others]
@@ -344,15 +346,15 @@ class _Turn:
 
     def _meant_instead(self) -> list[str]:
         """Return the assets meant by a number or a kind: *make that four*, *I meant the robot*."""
-        if self._asked or self._wanted or not self._corrects or not self._short:
+        if self._named_assets or self._named_places or not self._corrects or not self._short:
             return []
         names, kinds = self._scene.names, list[frozenset[str]]()
         for at, word in enumerate(self._words):
             number = number_of(word)
             if number > 0 and len(self._movers) == 1 and self._has(*_MAKE_IT):
                 team = names.team(_team_of(self._movers[0]))
-                found = names.asset(team, number) if team else None
-                return [found] if found is not None and found not in self._movers else []
+                asset = names.asset(team, number) if team else None
+                return [asset] if asset is not None and asset not in self._movers else []
             if (team := self._scene.members(word)) and not self._ruled_out(at):
                 kinds.append(team)
         if len(kinds) != 1:
@@ -369,14 +371,14 @@ class _Turn:
             return None
         if not same or not self._short or self._does or self._has(*_THERE):
             return None
-        asked, wanted = self._asked, self._wanted
-        if asked and not wanted and not self._own_verb():
-            return self._whole(_sentence([self._order(name, self._moves[0]) for name in asked]))
-        if len(wanted) == 1 and elsewhere and asked and not self._own_verb():
-            orders = [self._order(name, self._moves[0], wanted[0]) for name in asked]
+        assets, places = self._named_assets, self._named_places
+        if assets and not places and not self._own_verb():
+            return self._whole(_sentence([self._order(name, self._moves[0]) for name in assets]))
+        if len(places) == 1 and elsewhere and assets and not self._own_verb():
+            orders = [self._order(name, self._moves[0], places[0]) for name in assets]
             return self._whole(_sentence(orders))
-        if len(wanted) == 1 and elsewhere and not asked:
-            return self._same_elsewhere(wanted[0])
+        if len(places) == 1 and elsewhere and not assets:
+            return self._same_elsewhere(places[0])
         return None
 
     def _continued(self) -> ResolvedOrder | Unclear | None:
@@ -389,21 +391,21 @@ class _Turn:
             return None
         goals = list[str]()
         for clause in self._clauses():
-            reader, said = Reader(clause), list[str]()
+            reader, places = Reader(clause), list[str]()
             done = bool(_DONE & {token.word for token in clause})
             while not reader.over:
                 at = reader.at
-                told = reader.take(*_ONWARDS) or reader.take_in(_DONE | _STEADY | COPULA)
-                if told:
+                connective = reader.take(*_ONWARDS) or reader.take_in(_DONE | _STEADY | COPULA)
+                if connective:
                     continue
                 place = place_at(self._scene, reader)
                 if not place:
                     return None
                 after = Reader(clause, at).word(-1) in ("now", "next", "then")
                 if not done or after:
-                    said.append(place)
+                    places.append(place)
             if not COPULA & {token.word for token in clause}:
-                goals += said
+                goals += places
         if len(dict.fromkeys(goals)) != 1:
             return None
         orders = [self._order(name, self._moves[0], goals[0]) for name in self._movers]
@@ -456,17 +458,17 @@ class _Turn:
         if self._does or self._has("home", "report", "instead of"):
             return None
         there = self._has(*_THERE)
-        place = (self._wanted or [self._there])[0]
+        place = (self._named_places or [self._there])[0]
         if not place:
             return None
-        asked = self._asked
+        assets = self._named_assets
         company = self._has("join", "joins", "company") and self._has(*_IT, *_THEY)
-        if (there or company) and asked and not self._wanted and self._short:
+        if (there or company) and assets and not self._named_places and self._short:
             if "where" in self._words or (self._has(*_IT) and not company):
                 return None
-            return self._whole(_sentence([f"{name} to {place}" for name in asked]))
+            return self._whole(_sentence([f"{name} to {place}" for name in assets]))
         more = self._has(*_MORE)
-        if not more or asked or not (there or self._wanted or self._counts(more)):
+        if not more or assets or not (there or self._named_places or self._counts(more)):
             return None
         teams = [self._scene.members(word) for word in self._words if word not in ("one", "it")]
         team = next(filter(None, teams), frozenset[str]())
@@ -489,35 +491,43 @@ class _Turn:
     def _brought_back(self) -> ResolvedOrder | Unclear | None:
         """Resolve *Bring it back.*: to where it was before."""
         back = "back" in self._words or self._has("where it came from", "where they came from")
-        if not back or self._wanted or self._does or _HOME & set(self._words) or not self._short:
+        if (
+            not back
+            or self._named_places
+            or self._does
+            or _HOME & set(self._words)
+            or not self._short
+        ):
             return None
-        agents = [name for name in self._asked if name in {m.agent for m in self._scene.moved}]
+        agents = [
+            name for name in self._named_assets if name in {m.agent for m in self._scene.moved}
+        ]
         if not agents:
             if not self._has(*_IT, *_THEM, *_THEY):
                 return None
-            meant = self._they() if self._has(*_THEM, *_THEY) else self._it()
-            if isinstance(meant, Unclear):
-                return meant
-            agents = meant
+            referents = self._last_assets() if self._has(*_THEM, *_THEY) else self._last_asset()
+            if isinstance(referents, Unclear):
+                return referents
+            agents = referents
         orders = self._returns(agents)
         return self._whole(_sentence(orders)) if orders else None
 
     # ---------------------------------------------------------------- pronouns
 
-    def _it(self) -> list[str] | Unclear:
+    def _last_asset(self) -> list[str] | Unclear:
         """Return the asset that was moved last, or a question if there are several."""
-        pointer, asked = self._scene.pointer, self._scene.asked_about
+        pointer, reported = self._scene.pointer, self._scene.asked_about
         marked = [pointer] if pointer in self._scene.world.assets else []
         if marked and self._has("that one", "this one"):
             return marked
-        who = list(dict.fromkeys((*marked, *([asked] if asked else self._movers))))
-        if len(who) < 2:
-            return who
-        found = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
-        said = found[0] if found is not None else "it"
-        return Unclear(said, f"Who is meant by “{said}”?", tuple(who), describes=True)
+        candidates = list(dict.fromkeys((*marked, *([reported] if reported else self._movers))))
+        if len(candidates) < 2:
+            return candidates
+        match = re.search(rf"\b(?:{'|'.join(_IT)})\b", self._text, re.IGNORECASE)
+        pronoun = match[0] if match is not None else "it"
+        return Unclear(pronoun, f"Who is meant by “{pronoun}”?", tuple(candidates), describes=True)
 
-    def _they(self) -> list[str]:
+    def _last_assets(self) -> list[str]:
         """Return the assets of the last mission; if it moved one, also the one moved before."""
         if len(self._movers) > 1:
             return self._movers
@@ -526,27 +536,29 @@ class _Turn:
 
     def _pronouns(self) -> ResolvedOrder | Unclear | None:
         """Replace *it*, *them* and *there*, unless they refer to words of the same order."""
-        meant: list[ResolvedReference] = []
+        references: list[ResolvedReference] = []
         at = 0
         while at < len(self._tokens):
-            found = self._pronoun(at, within=bool(meant))
-            if isinstance(found, Unclear):
-                return found if self._asks else None
-            if found is None:
+            result = self._pronoun(at, within=bool(references))
+            if isinstance(result, Unclear):
+                return result if self._asks else None
+            if result is None:
                 at += 1
                 continue
-            one, at = found
-            meant.append(one)
-        if not meant or not self._asks:
+            reference, at = result
+            references.append(reference)
+        if not references or not self._asks:
             return None
-        pairs = tuple((one.said, one.means) for one in meant if one.means)
-        return ResolvedOrder(substituted(self._text, meant), pairs)
+        pairs = tuple(
+            (reference.said, reference.means) for reference in references if reference.means
+        )
+        return ResolvedOrder(substituted(self._text, references), pairs)
 
     def _pronoun(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
         """Read a pronoun; a second one `within` the order refers to the same asset."""
         reader = Reader(self._tokens, at)
-        named = [one for one in self._assets if one.at < at and not one.ruled_out]
-        placed = [one for one in self._places if one.at < at and not one.ruled_out]
+        named = [mention for mention in self._assets if mention.at < at and not mention.ruled_out]
+        placed = [mention for mention in self._places if mention.at < at and not mention.ruled_out]
         if reader.take("where it was", "where it came from", "where it stood", "its old gate"):
             before = [
                 self._scene.place_of(move.agent) if within else move.before for move in self._moves
@@ -557,23 +569,25 @@ class _Turn:
             return None
         if reader.take(*_THERE):
             return None if placed else self._there_named(at, reader.at)
-        return None if named or self._is_contact(at) else self._who(at, within=within)
+        return None if named or self._is_contact(at) else self._asset_pronoun(at, within=within)
 
-    def _who(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
+    def _asset_pronoun(
+        self, at: int, *, within: bool
+    ) -> tuple[ResolvedReference, int] | Unclear | None:
         """Read *it*, *he* or *they*; *both* after another pronoun adds nothing."""
         reader = Reader(self._tokens, at)
         if within and reader.take("both"):
             both = self._tokens[at]
             return ResolvedReference(both.start, both.end, both.said, ""), reader.at
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
-            they = self._they()
+            they = self._last_assets()
             return self._replaced(at, reader.at, listed(they)) if they else None
         reader.at = at
         if reader.take(*_IT) and not (_WEATHER & {reader.word(), reader.word(1), reader.word(2)}):
-            who = self._it()
-            if isinstance(who, Unclear):
-                return who
-            return self._replaced(at, reader.at, who[0]) if who else None
+            assets = self._last_asset()
+            if isinstance(assets, Unclear):
+                return assets
+            return self._replaced(at, reader.at, assets[0]) if assets else None
         return None
 
     def _is_existential(self, at: int) -> bool:
@@ -581,8 +595,8 @@ class _Turn:
         if self._words[at] != "there":
             return False
         after, before = self._words[at + 1 : at + 2], self._words[at - 1 : at] if at else []
-        asked = bool(_EXISTENTIAL & {*before}) and bool({*after} & (INDEFINITE | _SOMEBODY))
-        return asked or bool(_EXISTENTIAL & {*after})
+        questioned = bool(_EXISTENTIAL & {*before}) and bool({*after} & (INDEFINITE | _SOMEBODY))
+        return questioned or bool(_EXISTENTIAL & {*after})
 
     def _is_contact(self, at: int) -> bool:
         """Return whether the pronoun at token `at` is a possessive or means a contact.
@@ -605,22 +619,26 @@ class _Turn:
             return self._replaced(at, end, self._there, to=True)
         if not self._theres:
             return None
-        said = self._text[self._tokens[at].start : self._tokens[end - 1].end]
-        return Unclear(said, f"Which place is “{said}”?", tuple(self._theres), describes=True)
+        words = self._text[self._tokens[at].start : self._tokens[end - 1].end]
+        return Unclear(words, f"Which place is “{words}”?", tuple(self._theres), describes=True)
 
     def _replaced(
         self, at: int, end: int, means: str, *, to: bool = False
     ) -> tuple[ResolvedReference, int]:
         first, last = self._tokens[at], self._tokens[end - 1]
-        said = self._text[first.start : last.end]
+        words = self._text[first.start : last.end]
         before = self._words[at - 1] if at else ""
         prefixed = to and before not in ("to", "at", "over", "from", "the")
         becomes = ""
         if prefixed:
-            still = "at" if {"is", "are", "see", "report"} & set(self._words[:at]) else "to"
-            still = "to" if {"send", "go", "goes", "move", "to"} & set(self._words[:at]) else still
-            becomes = f"{still} {means}"
-        return ResolvedReference(first.start, last.end, said, means, becomes), end
+            preposition = "at" if {"is", "are", "see", "report"} & set(self._words[:at]) else "to"
+            preposition = (
+                "to"
+                if {"send", "go", "goes", "move", "to"} & set(self._words[:at])
+                else preposition
+            )
+            becomes = f"{preposition} {means}"
+        return ResolvedReference(first.start, last.end, words, means, becomes), end
 
 
 def _sentence(orders: Sequence[str]) -> str:

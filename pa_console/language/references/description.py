@@ -316,8 +316,8 @@ class SentenceGroups:
         """Return the assets of `team` mentioned last: in the order, or in the last two missions."""
         past = [mission for mission in self.scene.past if not mission.undid]
         turns = [{move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1]]
-        found = (frozenset(team) & turn for turn in (self.named, *turns))
-        return next(filter(None, found), frozenset[str]())
+        mentioned = (frozenset(team) & turn for turn in (self.named, *turns))
+        return next(filter(None, mentioned), frozenset[str]())
 
     def begins_clause(self, at: int) -> bool:
         """Return whether a clause begins at token `at`."""
@@ -332,47 +332,55 @@ class SentenceGroups:
         group = self.current
         if group is None or word not in (*_ORDINALS, "former", "latter"):
             return ""
-        told = {token.word for token in self.tokens}
+        sentence_words = {token.word for token in self.tokens}
         if word == "latter":
             return group.members[-1]
         place = _ORDINALS.get(word, 0)
-        alone = word == "first" and not told & {"second", "other", "others", "latter", "rest"}
+        alone = word == "first" and not sentence_words & {
+            "second",
+            "other",
+            "others",
+            "latter",
+            "rest",
+        }
         return "" if alone or place >= len(group.members) else group.members[place]
 
-    def introduce(self, found: ReadSet, first: int) -> None:
-        """Begin a set; its words are the tokens from `first` to the end of `found`."""
+    def introduce(self, read_set: ReadSet, first: int) -> None:
+        """Begin a set; its words are the tokens from `first` to the end of `read_set`."""
         leading = self.begins_clause(first) and bool(Reader(self.tokens, first).take(*OF))
-        end = found.end
+        end = read_set.end
         stop, then = ([token.word for token in self.tokens[end : end + 2]] + ["", ""])[:2]
         if stop == ":" and self.begins_clause(first - 1) and not self.begins_clause(first):
             first, leading = first - 1, True
-        elif stop in (":", "-", "–") or (stop == "," and found.choice and then != "whichever"):
+        elif stop in (":", "-", "–") or (stop == "," and read_set.choice and then != "whichever"):
             leading = self.begins_clause(first)
         end += leading and stop in (",", ":", "-", "–")
         before = max((n for n in range(1, 3) if self._one_of(first - n) == first), default=0)
         self.current = Group(
-            found.members,
-            found.sort,
+            read_set.members,
+            read_set.sort,
             self.tokens[first - before].start,
             self.tokens[end - 1].end,
-            clear=found.clear,
+            clear=read_set.clear,
             leading=leading,
-            choice=found.choice or before > 0,
+            choice=read_set.choice or before > 0,
         )
         self.opened.append(self.current)
-        if not found.choice:
-            self._note(found.members)
+        if not read_set.choice:
+            self._note(read_set.members)
 
     def _one_of(self, at: int) -> int:
         reader = Reader(self.tokens, max(at, 0))
         return reader.at if at >= 0 and reader.take(*_ONE_OF) else -1
 
-    def mention(self, one: Description, names: Sequence[str]) -> None:
-        """Record that the description `one` means `names`."""
-        if one.group is not None:
-            one.group.bound = True
-        if self.current is not None and one.group is None and len(names) > 1:
-            self.opened.append(Group(tuple(names), one.sort, one.start, one.end))
+    def mention(self, description: Description, names: Sequence[str]) -> None:
+        """Record that the description `description` means `names`."""
+        if description.group is not None:
+            description.group.bound = True
+        if self.current is not None and description.group is None and len(names) > 1:
+            self.opened.append(
+                Group(tuple(names), description.sort, description.start, description.end)
+            )
             self.current = self.opened[-1]
         self._pick(names)
 

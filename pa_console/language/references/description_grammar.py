@@ -53,18 +53,22 @@ def find_descriptions(
     groups = SentenceGroups(scene, tokens) if groups is None else groups
     at = 0
     while at < len(tokens):
-        led = Reader(tokens, at)
-        if groups.begins_clause(at) and led.take(*OF) and (found := _set_at(groups, text, led.at)):
-            groups.introduce(found, at)
-            at = found.end
+        reader = Reader(tokens, at)
+        if (
+            groups.begins_clause(at)
+            and reader.take(*OF)
+            and (read_set := _set_at(groups, text, reader.at))
+        ):
+            groups.introduce(read_set, at)
+            at = read_set.end
             continue
         parser = _DescriptionParser(groups, text, at)
         if (described := parser.description()) is not None:
             yield described
             at = parser.reader.at
-        elif found := _set_at(groups, text, at):
-            groups.introduce(found, at)
-            at = found.end
+        elif read_set := _set_at(groups, text, at):
+            groups.introduce(read_set, at)
+            at = read_set.end
         else:
             at = groups.read_name(at)
 
@@ -80,7 +84,7 @@ class _DescriptionParser:
     def __init__(self, groups: SentenceGroups, text: str, at: int) -> None:
         self._scene, self._groups, self._text, self._first = groups.scene, groups, text, at
         self.reader = Reader(groups.tokens, at)
-        self._told = PartialDescription(
+        self._partial = PartialDescription(
             self._scene, self.reader, put=self.reader.word(-1) in words.PUTTING
         )
         self._number = 1
@@ -106,23 +110,23 @@ class _DescriptionParser:
 
     def description(self) -> Description | None:
         """Return the description that begins here; None if there is none."""
-        told = self._told
+        partial = self._partial
         ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
         if not any(way() for way in ways):
             return None
-        if not told.describes and not self._spoken_of() and not self._one_at_each():
+        if not partial.describes and not self._spoken_of() and not self._one_at_each():
             return None
-        if not self._definite and told.ranking is None:
+        if not self._definite and partial.ranking is None:
             return None
         if self._idle_only and (self._number == 0 or self._bare):
             return None  # the planner chooses among the free assets
-        if self._vague and any(track.gate == told.place for track in self._scene.visitors()):
+        if self._vague and any(track.gate == partial.place for track in self._scene.visitors()):
             return None
         return self._whole()
 
     def plural(self) -> ReadSet | None:
         """Return the set that begins here with a plural noun: *the two robots*, *our drones*."""
-        reader, told = self.reader, self._told
+        reader, partial = self.reader, self._partial
         choice = any(token.word == "whichever" for token in reader.tokens) and bool(
             reader.take("a", "an", "any", "either")
         )
@@ -134,31 +138,31 @@ class _DescriptionParser:
         self._number, self._definite = 2 if both else max(number, 0), True
         while self._adjective():
             pass
-        if told.ranking is not None or self._other or not self._noun():
+        if partial.ranking is not None or self._other or not self._noun():
             return None
         if reader.word(-1).endswith("s") == choice:
             return None
         if not choice:
             self._after()
         fit = fitting(self._scene, self._whole())
-        if self._number not in (0, len(fit)) and told.sort == "asset":
+        if self._number not in (0, len(fit)) and partial.sort == "asset":
             fit = tuple(name for name in fit if works(self._scene, name)) or fit
         clear = self._number in (0, len(fit))
-        return ReadSet(fit, told.sort, reader.at, clear, choice) if len(fit) > 1 else None
+        return ReadSet(fit, partial.sort, reader.at, clear, choice) if len(fit) > 1 else None
 
     def _whole(self) -> Description:
-        told, tokens = self._told, self.reader.tokens
+        partial, tokens = self._partial, self.reader.tokens
         start, end = tokens[self._first].start, tokens[self.reader.at - 1].end
         return Description(
             start=start,
             end=end,
             said=self._text[start:end],
-            sort=told.sort,
-            traits=tuple(told.traits),
-            ranking=told.ranking,
+            sort=partial.sort,
+            traits=tuple(partial.traits),
+            ranking=partial.ranking,
             number=self._number,
             any_will_do=self._any,
-            place=told.place,
+            place=partial.place,
             group=self._group,
             selects=self._selects,
         )
@@ -180,22 +184,22 @@ class _DescriptionParser:
         if not self._stands_alone():
             return False  # the noun belongs to a longer one: *the aircraft carrier*
         about = self._groups.spoken_of(self._team)
-        return bool(about) and self._told.say(lambda _, name: name in about)
+        return bool(about) and self._partial.say(lambda _, name: name in about)
 
     def _one_at_each(self) -> bool:
         """Return whether the words ask for one asset at each gate: *a robot at every gate*."""
         before = [token.word for token in self.reader.tokens[: self._first]][-3:]
-        if not self._every or self._told.sort != "gate" or len(before) < 3:
+        if not self._every or self._partial.sort != "gate" or len(before) < 3:
             return False
         article, team, _ = before
         return article in ("a", "an", "one", "1") and bool(self._scene.members(team))
 
     @property
     def _idle_only(self) -> bool:
-        told = self._told
-        said = [trait for trait in told.traits if trait in (is_idle, works)]
-        team = len(told.traits) - len(said) <= 1
-        return is_idle in said and team and told.ranking is None and not told.place
+        partial = self._partial
+        idle_traits = [trait for trait in partial.traits if trait in (is_idle, works)]
+        team = len(partial.traits) - len(idle_traits) <= 1
+        return is_idle in idle_traits and team and partial.ranking is None and not partial.place
 
     # ------------------------------------------------------------------ heads
 
@@ -218,12 +222,12 @@ class _DescriptionParser:
             return False
         before = [move.before for move in scene.moved if move.agent == name and move.before]
         place = before[-1] if old and before else scene.place_of(name)
-        self._told.sort, self._definite = "gate", True
-        return self._told.say(lambda _, gate: gate == place)
+        self._partial.sort, self._definite = "gate", True
+        return self._partial.say(lambda _, gate: gate == place)
 
     def _pronoun(self) -> bool:
         """Read *whoever is nearest*, *everyone but the guards*, *everybody at the checkpoint*."""
-        reader, told = self.reader, self._told
+        reader, partial = self.reader, self._partial
         start = reader.at
         if reader.take_in(words.ANYBODY):
             if self._scene.members(reader.word()) or reader.word() in (*ASSETS, "gate"):
@@ -241,25 +245,27 @@ class _DescriptionParser:
             reader.word() == "all" and reader.word(1) in ("but", "except") and reader.take("all")
         ):
             self._number, self._definite = 0, True
-            told.traits.append(works)
+            partial.traits.append(works)
         else:
             return False
         self._after()
         led = reader.tokens[start - 1].word if start else "."
-        if told.describes and not (self._number == 0 and told.bare_location and led[0].isalnum()):
+        if partial.describes and not (
+            self._number == 0 and partial.bare_location and led[0].isalnum()
+        ):
             return True
         reader.at = start
-        self._told, self._group = PartialDescription(self._scene, reader), None
+        self._partial, self._group = PartialDescription(self._scene, reader), None
         return False
 
     def _of_set(self) -> bool:
         """Read the set to pick from, *of the two robots*; return False if there is none."""
         start = self.reader.at
         if self.reader.take(*OF):
-            found = _set_at(self._groups, self._text, self.reader.at)
-            if found is not None:
-                self._groups.introduce(found, start)
-                self._group, self.reader.at = self._groups.current, found.end
+            read_set = _set_at(self._groups, self._text, self.reader.at)
+            if read_set is not None:
+                self._groups.introduce(read_set, start)
+                self._group, self.reader.at = self._groups.current, read_set.end
                 return True
         self.reader.at = start
         return False
@@ -275,7 +281,7 @@ class _DescriptionParser:
         reader.at += 1
         self._any = self._definite = True
         self._group = group
-        return self._told.say(lambda _, name: name not in group.picked)
+        return self._partial.say(lambda _, name: name not in group.picked)
 
     def _stands_alone(self, ahead: int = 0) -> bool:
         """Return whether the word `ahead` is no noun, but a verb, a stop, a place or the like."""
@@ -304,13 +310,13 @@ class _DescriptionParser:
 
     def noun_traits(self) -> list[Trait]:
         """Read a noun phrase and return its traits; empty if there is no noun phrase."""
-        return self._told.traits if self._noun_phrase() else []
+        return self._partial.traits if self._noun_phrase() else []
 
     def _determiner(self) -> None:
         reader = self.reader
         before = reader.word(-1)
         if reader.take("both of the", "both the", "both"):
-            self._number, self._definite, self._told.describes = 2, True, True
+            self._number, self._definite, self._partial.describes = 2, True, True
         elif reader.take(*words.EVERY_ONE) or reader.take_in(words.EVERY):
             self._number, self._definite, self._every = 0, True, True
             self._count()
@@ -337,24 +343,24 @@ class _DescriptionParser:
 
     def _adjective(self) -> bool:
         """Read one adjective; return False if there is none."""
-        reader, told = self.reader, self._told
+        reader, partial = self.reader, self._partial
         if reader.word() in words.NEAR | words.FAR:
-            told.rank(Superlative("near" if reader.take_in(words.NEAR) else "far"))
+            partial.rank(Superlative("near" if reader.take_in(words.NEAR) else "far"))
             reader.take_in(words.FAR)
         elif self._definite and reader.word() in words.FULLER | words.EMPTIER:
             fuller = bool(reader.take_in(words.FULLER)) or not reader.take_in(words.EMPTIER)
-            told.of_assets = told.rank(Superlative("full" if fuller else "flat"))
+            partial.of_assets = partial.rank(Superlative("full" if fuller else "flat"))
         elif reader.take("other", "remaining"):
-            self._other = told.describes = True
+            self._other = partial.describes = True
         elif self._definite and (name := self._groups.in_order(reader.word())):
             reader.at += 1
             self._group, self._ordinal = self._groups.current, True
-            told.say(lambda _, each: each == name)
+            partial.say(lambda _, candidate: candidate == name)
         elif reader.take_in(words.BARE):
-            told.sort = "gate"
-            told.say(is_bare)
+            partial.sort = "gate"
+            partial.say(is_bare)
         elif reader.word() in ("last", "first") and self._scene.moved:
-            sent(told, early=reader.take("last", "first") == "first")
+            sent(partial, early=reader.take("last", "first") == "first")
         elif self._definite and (number := number_of(reader.word())) > 1:
             reader.at += 1
             self._number = number
@@ -364,7 +370,7 @@ class _DescriptionParser:
 
     def _state(self) -> bool:
         """Read an adjective of an asset's state."""
-        reader, told = self.reader, self._told
+        reader, partial = self.reader, self._partial
         for state_words, trait in (
             (words.IDLE, is_idle),
             (("low", "flat"), is_low),
@@ -372,30 +378,30 @@ class _DescriptionParser:
             (words.SILENT, is_silent),
         ):
             if reader.take_in(state_words):
-                told.of_assets = True
-                return told.say(trait)
+                partial.of_assets = True
+                return partial.say(trait)
         return False
 
     def _noun(self) -> bool:
-        reader, told = self.reader, self._told
+        reader, partial = self.reader, self._partial
         word = reader.word()
         if word in ("gate", "gates"):
             return self._gate(word)
-        if told.sort == "gate":
+        if partial.sort == "gate":
             return bool(reader.take("one", "entrance"))
         group = self._groups.open
         if word in ("one", "ones") and group is not None and not self._other:
             self._group = self._group or group
             if group.spoken:
                 reader.at += 1
-                told.sort = group.sort
+                partial.sort = group.sort
                 return True
         if self._definite and not self._other and reader.word() in ("others", "rest"):
             rest = self._groups.rest
             if rest is None or not rest.spoken or self.reader.word(-2) in words.LEAVING:
                 return False
             reader.at += 1
-            self._number, self._other, told.describes = 0, True, True
+            self._number, self._other, partial.describes = 0, True, True
             return True
         team = self._scene.members(word)
         single = word.removesuffix("s")
@@ -409,18 +415,18 @@ class _DescriptionParser:
             self._number = 0
         self._team = team
         if team:
-            told.traits.append(lambda _, name: name in team)
+            partial.traits.append(lambda _, name: name in team)
         elif single == "guard":
-            told.traits.append(is_guard)
+            partial.traits.append(is_guard)
         return True
 
     def _gate(self, word: str) -> bool:
         """Read the noun *gate*; *that gate* may be the one that a contact approaches."""
         reader, scene = self.reader, self._scene
-        if self._told.of_assets:
+        if self._partial.of_assets:
             return False
         reader.at += 1
-        self._told.sort = "gate"
+        self._partial.sort = "gate"
         if word == "gates" and self._number == 1:
             self._number = 0
         if reader.word(-2) != "that":
@@ -428,7 +434,7 @@ class _DescriptionParser:
         before = reader.tokens[: self._first]
         kinds = [words.CONTACTS[token.word] for token in before if token.word in words.CONTACTS]
         if kinds and scene.visitors(kinds[-1]):
-            self._told.say(lambda s, g: any(t.gate == g for t in s.visitors(kinds[-1])))
+            self._partial.say(lambda s, g: any(t.gate == g for t in s.visitors(kinds[-1])))
         return True
 
     def _means_contact(self) -> bool:
@@ -438,11 +444,11 @@ class _DescriptionParser:
 
     def _headless(self) -> bool:
         """Read a phrase without a noun: *the other* goes north, *the nearer* of the two robots."""
-        told = self._told
-        if not self._definite or self._bare or told.sort == "gate" or not self._stands_alone():
+        partial = self._partial
+        if not self._definite or self._bare or partial.sort == "gate" or not self._stands_alone():
             return False
         self._nameless = True
-        if told.ranking is not None and self._group is None:
+        if partial.ranking is not None and self._group is None:
             return self._of_set() or self._from_open()
         return self._group is not None or (self._other and bool(self._groups.latest))
 
@@ -457,11 +463,11 @@ class _DescriptionParser:
 
         If two gates were mentioned, *the other* is one of these two.
         """
-        told, scene, last = self._told, self._scene, self._scene.last
+        partial, scene, last = self._partial, self._scene, self._scene.last
         rest = self._groups.rest
         if rest is not None and self._fits_one_of(rest):
             self._group = rest
-            told.say(lambda _, name: name not in rest.picked)
+            partial.say(lambda _, name: name not in rest.picked)
             return
         pronoun = self._nameless and bool(self._groups.latest)
         tokens = self.reader.tokens[: self._first] if pronoun else self.reader.tokens
@@ -472,19 +478,19 @@ class _DescriptionParser:
             out += [move.agent for move in last.moves]
         if not any(name in scene.gates for name in out) and last is not None:
             out += [move.target for move in last.moves if move.target]
-            spoken = [n for n in scene.gates if n in last.text and n not in out]
-            if len(spoken) == 1:
-                told.say(lambda s, name: name in s.world.assets or name in spoken)
+            mentioned = [n for n in scene.gates if n in last.text and n not in out]
+            if len(mentioned) == 1:
+                partial.say(lambda s, name: name in s.world.assets or name in mentioned)
         kinds = {scene.world.assets[name].kind for name in self._groups.latest}
         if self._nameless and len(kinds) == 1:
-            told.say(lambda s, name: s.world.assets[name].kind in kinds)
-        told.say(lambda _, name: name not in out)
+            partial.say(lambda s, name: s.world.assets[name].kind in kinds)
+        partial.say(lambda _, name: name not in out)
 
     def _fits_one_of(self, rest: Group) -> bool:
         """Return whether a remaining member of a set has the traits read so far."""
-        told = self._told
-        return rest.sort == told.sort and any(
-            all(trait(self._scene, name) for trait in told.traits)
+        partial = self._partial
+        return rest.sort == partial.sort and any(
+            all(trait(self._scene, name) for trait in partial.traits)
             for name in rest.members
             if name not in rest.picked
         )
@@ -493,17 +499,19 @@ class _DescriptionParser:
 
     def _after(self) -> None:
         """Read the clauses after the noun, as long as they are understood."""
-        reader, told = self.reader, self._told
-        told.from_where()
-        assets = AssetClauses(told, self._other_noun)
-        gates = GateClauses(told)
+        reader, partial = self.reader, self._partial
+        partial.from_where()
+        assets = AssetClauses(partial, self._other_noun)
+        gates = GateClauses(partial)
         while True:
-            start, known = reader.at, (len(told.traits), told.ranking)
+            start, before = reader.at, (len(partial.traits), partial.ranking)
             if reader.word(1) in ("that", "which", "who"):
                 reader.take(",")
-            clauses = gates if told.sort == "gate" else assets
-            said = clauses.read()
-            if not said or ((len(told.traits), told.ranking) == known and not told.past):
+            clauses = gates if partial.sort == "gate" else assets
+            understood = clauses.read()
+            if not understood or (
+                (len(partial.traits), partial.ranking) == before and not partial.past
+            ):
                 reader.at = start
                 return
 

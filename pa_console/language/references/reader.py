@@ -28,20 +28,20 @@ class WordToken(NamedTuple):
 
 def read_tokens(text: str) -> tuple[WordToken, ...]:
     """Return the words and punctuation marks of `text`."""
-    found: list[WordToken] = []
+    tokens: list[WordToken] = []
     for match in _TOKEN.finditer(text):
-        said, start = match[0], match.start()
+        written, start = match[0], match.start()
         cut = re.search(r"n['’]t$", text[start : match.end() + 2], re.IGNORECASE)
-        if said.lower().endswith("n") and len(said) > 1 and cut is not None:
-            said = said[:-1]
-        found.append(WordToken(_word(said), said, start, start + len(said)))
-        if len(said) < len(match[0]):
-            found.append(WordToken("not", "n't", start + len(said), match.end() + 2))
-    return tuple(_without_halves(found))
+        if written.lower().endswith("n") and len(written) > 1 and cut is not None:
+            written = written[:-1]
+        tokens.append(WordToken(_word(written), written, start, start + len(written)))
+        if len(written) < len(match[0]):
+            tokens.append(WordToken("not", "n't", start + len(written), match.end() + 2))
+    return tuple(_without_halves(tokens))
 
 
-def _word(said: str) -> str:
-    low = said.lower()
+def _word(written: str) -> str:
+    low = written.lower()
     return _SAME.get(low, low)
 
 
@@ -157,28 +157,28 @@ def place_at(scene: ReferenceScene, reader: Reader) -> str:
     start = reader.at
     reader.take("the", "our")
     word = reader.word()
-    found = scene.frames_said.get(word, "")
-    if not found and word in ("base", "home"):
-        found = scene.world.base
-    if not found and word not in ("", "gate"):
-        found = scene.names.gate_with(word) or ""
-        if found and reader.word(1) in ("side", "end", "corner"):
-            found = ""
-    if not found:
+    frame = scene.frames_said.get(word, "")
+    if not frame and word in ("base", "home"):
+        frame = scene.world.base
+    if not frame and word not in ("", "gate"):
+        frame = scene.names.gate_with(word) or ""
+        if frame and reader.word(1) in ("side", "end", "corner"):
+            frame = ""
+    if not frame:
         reader.at = start
         return ""
     reader.at += 1
-    if found in scene.gates:
+    if frame in scene.gates:
         reader.take("gate")
-    return found
+    return frame
 
 
 def asset_at(scene: ReferenceScene, reader: Reader) -> str:
     """Read the name of an asset; return it, or ''."""
-    found = scene.assets_said.get(reader.said().lower(), "")
-    if found:
+    name = scene.assets_said.get(reader.said().lower(), "")
+    if name:
         reader.at += 1
-    return found
+    return name
 
 
 def number_of(word: str) -> int:

@@ -81,7 +81,7 @@ def reported_state(text: str) -> State | None:
     if _IF.search(low) or "?" in _VAGUE.sub("", low).replace("does not it ?", ""):
         return None
     bare = _VAGUE.sub(" ", low)
-    state: State | None = next((one for one, pattern in _STATES if pattern.search(bare)), None)
+    state: State | None = next((name for name, pattern in _STATES if pattern.search(bare)), None)
     if state is None:
         return None
     left = bare
@@ -146,21 +146,21 @@ def resolve(
     described = _described(scene, linked, reported_state(linked.text))
     if isinstance(described, Unclear):
         return described
-    now, meant = described
+    now, meanings = described
     state = reported_state(now)
-    meant = [*answered.items(), *meant]
+    meanings = [*answered.items(), *meanings]
     if state is not None and (due := _reported(scene, now, state)):
-        return ResolvedOrder(due, (*meant, (text, due)))
+        return ResolvedOrder(due, (*meanings, (text, due)))
     if order := conditional_order(scene, now):
-        return ResolvedOrder(order, (*meant, (text, order)))
+        return ResolvedOrder(order, (*meanings, (text, order)))
     retold = retell(scene, now)
     if isinstance(retold, Unclear):
         return retold
     if retold is not None:
-        return replace(retold, meant=(*meant, *retold.meant))
+        return replace(retold, meant=(*meanings, *retold.meant))
     if (gate := _open_gate(scene, now)) is not None:
         return gate
-    return ResolvedOrder(now.strip(), tuple(meant)) if meant else ResolvedOrder(text)
+    return ResolvedOrder(now.strip(), tuple(meanings)) if meanings else ResolvedOrder(text)
 
 
 def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
@@ -176,12 +176,17 @@ def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
     tokens = read_tokens(text)
     if any(place_at(scene, Reader(tokens, at)) for at in range(len(tokens))):
         return None
-    words = [token.word for token in tokens]
-    for at, word in enumerate(words):
-        if word == "gate" and at > 1 and words[at - 1] in _ANY_GATE and words[at - 2] in _TOWARDS:
-            said = text[tokens[at - 1].start : tokens[at].end]
+    token_words = [token.word for token in tokens]
+    for at, word in enumerate(token_words):
+        if (
+            word == "gate"
+            and at > 1
+            and token_words[at - 1] in _ANY_GATE
+            and token_words[at - 2] in _TOWARDS
+        ):
+            words = text[tokens[at - 1].start : tokens[at].end]
             choices = tuple(gates) if len(gates) <= MOST_CHOICES else ()
-            return Unclear(said, "Which gate is meant?", choices)
+            return Unclear(words, "Which gate is meant?", choices)
     return None
 
 
@@ -191,8 +196,8 @@ _TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by
 
 def with_answers(text: str, answers: Answers) -> str:
     """Return `text` with its unclear words replaced by the answers."""
-    for said, means in answers.items():
-        pattern = rf"(?<!\w){re.escape(said)}(?!\w)"
+    for words, means in answers.items():
+        pattern = rf"(?<!\w){re.escape(words)}(?!\w)"
         text = re.sub(pattern, lambda _, means=means: means, text, count=1, flags=re.IGNORECASE)
     return text
 
@@ -207,45 +212,51 @@ def _described(
     text = linked.text
     tokens = read_tokens(text)
     groups = SentenceGroups(scene, tokens)
-    found: list[Description] = []
-    meant: list[ResolvedReference] = []
+    descriptions: list[Description] = []
+    references: list[ResolvedReference] = []
     quoted = [span.span() for span in _QUOTED.finditer(text)]
-    for one in find_descriptions(scene, tokens, text, groups):
-        one = replace(one, said=linked.said(one.start, one.end))  # noqa: PLW2901
-        found.append(one)
-        if any(start <= one.start < end for start, end in quoted):
+    for description in find_descriptions(scene, tokens, text, groups):
+        description = replace(description, said=linked.said(description.start, description.end))  # noqa: PLW2901
+        descriptions.append(description)
+        if any(start <= description.start < end for start, end in quoted):
             continue
-        if _follows(tokens, one) in _STAYING and one.number != 1:
+        if _follows(tokens, description) in _STAYING and description.number != 1:
             continue
-        if one.ranking is not None and one.ranking.distance and not one.ranking.place:
-            place = _place_beside(scene, tokens, one)
+        if (
+            description.ranking is not None
+            and description.ranking.distance
+            and not description.ranking.place
+        ):
+            place = _place_beside(scene, tokens, description)
             if not place:
                 continue
-            one = replace(one, ranking=replace(one.ranking, place=place))  # noqa: PLW2901
-        names = _meant_by(scene, tokens, one, state)
+            description = replace(description, ranking=replace(description.ranking, place=place))  # noqa: PLW2901
+        names = _meant_by(scene, tokens, description, state)
         if isinstance(names, Unclear):
             return names
         if names:
-            groups.mention(one, names)
-            meant += _written(scene, tokens, one, names)
-    meant += [
+            groups.mention(description, names)
+            references += _written(scene, tokens, description, names)
+    references += [
         ResolvedReference(group.start, group.end, "", "", " ")
         for group in groups.opened
         if group.leading and group.bound
     ]
-    if not meant:
+    if not references:
         return text, []
     return (
-        _there_named(scene, substituted(text, meant), meant, found),
-        [(each.said, each.means) for each in meant if each.said],
+        _there_named(scene, substituted(text, references), references, descriptions),
+        [(reference.said, reference.means) for reference in references if reference.said],
     )
 
 
-def _follows(tokens: Sequence[WordToken], one: Description) -> str:
-    return next((token.word for token in tokens if token.start >= one.end), "")
+def _follows(tokens: Sequence[WordToken], description: Description) -> str:
+    return next((token.word for token in tokens if token.start >= description.end), "")
 
 
-def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Description) -> str:
+def _place_beside(
+    scene: ReferenceScene, tokens: Sequence[WordToken], description: Description
+) -> str:
     """Return the place that goes with a superlative: *whoever is nearest goes to X*.
 
     It is the first place after the superlative, or else the last before it; '' if there is none.
@@ -255,44 +266,59 @@ def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], one: Descr
     while at < len(tokens):
         reader = Reader(tokens, at)
         place = place_at(scene, reader)
-        if place and tokens[at].start >= one.end:
+        if place and tokens[at].start >= description.end:
             after = after or place
-        elif place and tokens[at].start < one.start:
+        elif place and tokens[at].start < description.start:
             before = place
         at = max(at + 1, reader.at)
     return after or before
 
 
 def _meant_by(
-    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, state: State | None
+    scene: ReferenceScene,
+    tokens: Sequence[WordToken],
+    description: Description,
+    state: State | None,
 ) -> tuple[str, ...] | Unclear:
     """Return the names that a description means; none if the planner may choose."""
-    asset, group = one.sort == "asset", one.group
+    asset, group = description.sort == "asset", description.group
     if group is not None and not group.clear:
-        return _unclear(scene, one, group.members)
-    ranked = one.ranking is not None and (group is None or not group.spoken)
-    if asset and ranked and one.ranking is not None and one.ranking.distance:
-        one = replace(one, traits=(*one.traits, _can_come(one.ranking.place)))
-    names = fitting(scene, one)
+        return _unclear(scene, description, group.members)
+    ranked = description.ranking is not None and (group is None or not group.spoken)
+    if asset and ranked and description.ranking is not None and description.ranking.distance:
+        description = replace(
+            description, traits=(*description.traits, _can_come(description.ranking.place))
+        )
+    names = fitting(scene, description)
     if asset:
         names = _likelier(scene, names, state)
-    if apposed := _apposed(scene, tokens, one, names):
+    if apposed := _apposed(scene, tokens, description, names):
         return (apposed,)
-    if one.number == 0 or one.number == len(names):
-        return names if names else _unclear(scene, one, names)
-    if names and (one.any_will_do or (one.ranking is not None and one.number == 1 and asset)):
-        return names[:1] if one.any_will_do or len(names) == 1 else _unclear(scene, one, names)
-    return _unclear(scene, one, names)
+    if description.number == 0 or description.number == len(names):
+        return names if names else _unclear(scene, description, names)
+    if names and (
+        description.any_will_do
+        or (description.ranking is not None and description.number == 1 and asset)
+    ):
+        return (
+            names[:1]
+            if description.any_will_do or len(names) == 1
+            else _unclear(scene, description, names)
+        )
+    return _unclear(scene, description, names)
 
 
 def _apposed(
-    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: Sequence[str]
+    scene: ReferenceScene,
+    tokens: Sequence[WordToken],
+    description: Description,
+    names: Sequence[str],
 ) -> str:
     """Return the name in apposition, as in *the other one, Robot_T02*; '' if there is none."""
-    reader = Reader([token for token in tokens if token.start >= one.end])
+    reader = Reader([token for token in tokens if token.start >= description.end])
     reader.take("i mean", "i meant", "that is", "namely")
     name = asset_at(scene, reader) if reader.take(",", ":", "(", "-") else ""
-    return name if name in names and one.number == 1 else ""
+    return name if name in names and description.number == 1 else ""
 
 
 def _can_come(place: str) -> Trait:
@@ -310,29 +336,32 @@ def _likelier(
 ) -> tuple[str, ...]:
     """Return the `names` in the reported state, or the available ones; all if none fit."""
     if state is not None:
-        so = tuple(name for name in names if in_state(scene, name, state))
+        fitting_names = tuple(name for name in names if in_state(scene, name, state))
     else:
-        so = tuple(name for name in names if scene.asset(name).available)
-    return so or names
+        fitting_names = tuple(name for name in names if scene.asset(name).available)
+    return fitting_names or names
 
 
-def _unclear(scene: ReferenceScene, one: Description, names: Sequence[str]) -> Unclear:
-    what = "gate" if one.sort == "gate" else "asset"
+def _unclear(scene: ReferenceScene, description: Description, names: Sequence[str]) -> Unclear:
+    noun = "gate" if description.sort == "gate" else "asset"
     if not names:
-        every = scene.gates if one.sort == "gate" else ()
-        every = one.group.members if one.group is not None else every
+        every = scene.gates if description.sort == "gate" else ()
+        every = description.group.members if description.group is not None else every
         choices = tuple(every) if len(every) <= MOST_CHOICES else ()
-        question = f"No {what} fits “{one.said}”. Which {what} is meant?"
-        return Unclear(one.said, question, choices, describes=what == "asset")
-    many = f"{len(names)} {what}s fit" if len(names) > 1 else f"Only {names[0]} fits"
+        question = f"No {noun} fits “{description.said}”. Which {noun} is meant?"
+        return Unclear(description.said, question, choices, describes=noun == "asset")
+    many = f"{len(names)} {noun}s fit" if len(names) > 1 else f"Only {names[0]} fits"
     choices = tuple(names) if len(names) <= MOST_CHOICES else ()
-    which = "Which one is meant?" if one.number == 1 else "Who is meant?"
-    question = f"{many} “{one.said}”. {which}"
-    return Unclear(one.said, question, choices, describes=what == "asset")
+    request = "Which one is meant?" if description.number == 1 else "Who is meant?"
+    question = f"{many} “{description.said}”. {request}"
+    return Unclear(description.said, question, choices, describes=noun == "asset")
 
 
 def _written(
-    scene: ReferenceScene, tokens: Sequence[WordToken], one: Description, names: tuple[str, ...]
+    scene: ReferenceScene,
+    tokens: Sequence[WordToken],
+    description: Description,
+    names: tuple[str, ...],
 ) -> list[ResolvedReference]:
     """Return the replacements for a description: its names, with a destination if it holds one.
 
@@ -340,38 +369,44 @@ def _written(
     of a failed asset is kept, because the prompt does not give it. With *whichever is nearer*, the
     name also replaces the alternatives before it.
     """
-    if one.selects and one.group is not None:
-        first = max(n for n, token in enumerate(tokens) if token.start < one.start)
-        after = next((token for token in tokens if token.start >= one.end), None)
+    if description.selects and description.group is not None:
+        first = max(n for n, token in enumerate(tokens) if token.start < description.start)
+        after = next((token for token in tokens if token.start >= description.end), None)
         enclosed = after is not None and after.word in (",", "-", "–", ")")
-        end = after.end if after is not None and enclosed else one.end
+        end = after.end if after is not None and enclosed else description.end
         return [
-            ResolvedReference(one.group.start, one.group.end, one.said, listed(names)),
+            ResolvedReference(
+                description.group.start, description.group.end, description.said, listed(names)
+            ),
             ResolvedReference(tokens[first].start, end, "", "", " " if enclosed else ""),
         ]
     means, becomes = listed(names), ""
-    ranked = one.ranking is not None and one.ranking.distance and bool(one.place)
-    if ranked and one.sort == "asset" and not _place_beside(scene, tokens, one):
-        words = {t.word for t in tokens if not one.start <= t.start < one.end}
+    ranked = (
+        description.ranking is not None and description.ranking.distance and bool(description.place)
+    )
+    if ranked and description.sort == "asset" and not _place_beside(scene, tokens, description):
+        words = {t.word for t in tokens if not description.start <= t.start < description.end}
         if not words & (_NO_MOVE | _THERE):
-            becomes = f"{means} to {one.place}"
-    before = next((t.word for t in reversed(tokens) if t.end <= one.start), "")
+            becomes = f"{means} to {description.place}"
+    before = next((t.word for t in reversed(tokens) if t.end <= description.start), "")
     beside = before in ("with", "beside")
-    down = len(names) == 1 and one.sort == "asset" and not scene.asset(names[0]).available
-    if (beside or down) and one.sort == "asset" and one.place:
-        becomes = f"{means} at {one.place}"
-    return [ResolvedReference(one.start, one.end, one.said, means, becomes)]
+    down = len(names) == 1 and description.sort == "asset" and not scene.asset(names[0]).available
+    if (beside or down) and description.sort == "asset" and description.place:
+        becomes = f"{means} at {description.place}"
+    return [ResolvedReference(description.start, description.end, description.said, means, becomes)]
 
 
 def _there_named(
     scene: ReferenceScene,
     text: str,
-    meant: Sequence[ResolvedReference],
-    found: Sequence[Description],
+    references: Sequence[ResolvedReference],
+    descriptions: Sequence[Description],
 ) -> str:
     """Replace *there* by a place that only a description names."""
-    inside = [one.place for one in found if one.place and one.sort == "asset" and one.ranking]
-    gates = [one.means for one in meant if one.means in scene.gates]
+    inside = [
+        item.place for item in descriptions if item.place and item.sort == "asset" and item.ranking
+    ]
+    gates = [item.means for item in references if item.means in scene.gates]
     place = next(iter((*inside, *gates)), "")
     tokens = read_tokens(text)
     if not place:
@@ -405,8 +440,8 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
         return ""
     teams = (scene.members(token.word) for token in tokens)
     names = names or next(filter(None, teams), frozenset[str]())
-    so = [name for name in names if in_state(scene, name, state)]
-    return what_is_due(scene, so[0], state) if len(so) == 1 else ""
+    matches = [name for name in names if in_state(scene, name, state)]
+    return what_is_due(scene, matches[0], state) if len(matches) == 1 else ""
 
 
 def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
@@ -419,37 +454,39 @@ def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
     gates = set(choices) <= set(scene.gates)
     answer = re.sub(r"\bone\b", "gate", answer) if gates else answer
     tokens = read_tokens(link_names(scene.world, answer))
-    found: set[str] = set()
+    matches: set[str] = set()
     at = 0
     while at < len(tokens):
         reader = Reader(tokens, at)
         name = asset_at(scene, reader) or place_at(scene, reader)
         if name in choices:
-            found.add(name)
+            matches.add(name)
         elif len(whole := [choice for choice in choices if name and name in choice.split()]) == 1:
-            found.update(whole)  # the choices are whole orders, each for another place
+            matches.update(whole)  # the choices are whole orders, each for another place
         at = max(at + 1, reader.at)
-    if not found:
+    if not matches:
         orders = {token.said: [c for c in choices if token.said in c.split()] for token in tokens}
-        found = {c[0] for said, c in orders.items() if said in scene.world.assets and len(c) == 1}
-    if not found:
+        matches = {c[0] for word, c in orders.items() if word in scene.world.assets and len(c) == 1}
+    if not matches:
         for token in tokens:
             team = scene.members(token.word) & set(choices)
             digits = {n for n in choices if token.word.isdigit() and _number(n) == int(token.word)}
-            found |= team or digits
-    if not found:
-        for one in find_descriptions(scene, tokens, answer):
-            found |= set(fitting(scene, one)) & set(choices)
-    return next(iter(found)) if len(found) == 1 else ""
+            matches |= team or digits
+    if not matches:
+        for description in find_descriptions(scene, tokens, answer):
+            matches |= set(fitting(scene, description)) & set(choices)
+    return next(iter(matches)) if len(matches) == 1 else ""
 
 
 def names_something(scene: ReferenceScene, answer: str) -> bool:
     """Return whether an answer names or describes a place or an asset."""
     tokens = read_tokens(link_names(scene.world, answer))
     readers = [Reader(tokens, at) for at in range(len(tokens))]
-    if any(asset_at(scene, each) or place_at(scene, each) for each in readers):
+    if any(asset_at(scene, reader) or place_at(scene, reader) for reader in readers):
         return True
-    return any(fitting(scene, one) for one in find_descriptions(scene, tokens, answer))
+    return any(
+        fitting(scene, description) for description in find_descriptions(scene, tokens, answer)
+    )
 
 
 def _number(name: str) -> int:

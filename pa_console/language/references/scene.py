@@ -132,9 +132,9 @@ class ReferenceScene:
         frame = self.world.frames.get(name)
         return frame.at if frame is not None else self.asset(name).position
 
-    def distance_m(self, one: str, other: str) -> float:
+    def distance_m(self, start: str, end: str) -> float:
         """Return the distance between two frames or assets, metres."""
-        return math.dist(self.spot(one), self.spot(other))
+        return math.dist(self.spot(start), self.spot(end))
 
     def visitors(self, kind: str = "") -> list[Track]:
         """Return the tracks that are not leaving, of `kind` if given."""
@@ -161,8 +161,8 @@ class ReferenceScene:
 
     def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return `names`, each once, in the order of the world."""
-        found = set(names)
-        return tuple(n for n in (*self.world.frames, *self.world.assets) if n in found)
+        wanted = set(names)
+        return tuple(n for n in (*self.world.frames, *self.world.assets) if n in wanted)
 
     @staticmethod
     def _is_at(asset: AssetTelemetry, place: str) -> bool:
@@ -193,7 +193,7 @@ def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) 
     A mission that `corrects` the last one replaces it. An asset that both moved keeps its place
     before the first. An asset that is only sent back counts as not moved.
     """
-    last = next((each for each in reversed(past) if not each.undid), None)
+    last = next((earlier for earlier in reversed(past) if not earlier.undid), None)
     if not corrects or last is None:
         return mission
     before = {move.agent: move.before for move in last.moves if move.verb not in STILL}

@@ -25,21 +25,21 @@ _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
 
 class AssetClauses:
-    """A reader of successive clauses that collects their traits in `told`."""
+    """A reader of successive clauses that collects their traits in `partial`."""
 
-    def __init__(self, told: PartialDescription, noun_traits: NounTraits) -> None:
-        self._told, self._noun_traits = told, noun_traits
-        self._scene, self._reader = told.scene, told.reader
+    def __init__(self, partial: PartialDescription, noun_traits: NounTraits) -> None:
+        self._partial, self._noun_traits = partial, noun_traits
+        self._scene, self._reader = partial.scene, partial.reader
         self._related = self._no = False
         self._start = 0
 
     def read(self) -> bool:
         """Read one clause; return False if there is none that is understood."""
-        reader, told = self._reader, self._told
+        reader, partial = self._reader, self._partial
         self._start, self._no = reader.at, False
         if reader.take(*words.BUT):
             return self._excluded()
-        if told.ranked() or self._sent_before():
+        if partial.ranked() or self._sent_before():
             return True
         self._related = bool(reader.take("that", "which", "who"))
         if self._related and self._sent_before():
@@ -49,13 +49,13 @@ class AssetClauses:
         reader.skip(words.STANDING)
         self._no = bool(reader.take("does not", "do not", "not", "without", "never"))
         reader.skip(words.STANDING)
-        if self._related and told.ranked():
+        if self._related and partial.ranked():
             return True
         ways: tuple[Way, ...] = (self._guarding, self._possessed, self._located, self._state)
         return any(way() for way in ways)
 
     def _say(self, trait: Trait) -> bool:
-        return self._told.say(trait, no=self._no)
+        return self._partial.say(trait, no=self._no)
 
     def _excluded(self) -> bool:
         """Read the excluded assets: *but the guards*, *except Drone_T04 and Robot_T01*."""
@@ -64,11 +64,11 @@ class AssetClauses:
             names.add(name)
             self._reader.take("and", ",")
         if names:
-            return self._told.say(lambda _, n: n not in names)
+            return self._partial.say(lambda _, n: n not in names)
         traits = self._noun_traits()
         if not traits:
             return False
-        return self._told.say(lambda s, n: not all(trait(s, n) for trait in traits))
+        return self._partial.say(lambda s, n: not all(trait(s, n) for trait in traits))
 
     def _sent_before(self) -> bool:
         """Read *I sent last*, *we just moved*, *I moved first*, *I sent to the east gate*."""
@@ -85,8 +85,8 @@ class AssetClauses:
         early = bool(reader.take("first")) or early
         reader.take("last", "just now", "before")
         place = place_at(self._scene, reader) if reader.take("to", "over to") else ""
-        if not self._told.past:
-            sent(self._told, place, early=early)
+        if not self._partial.past:
+            sent(self._partial, place, early=early)
         return True
 
     def _guarding(self) -> bool:
@@ -97,10 +97,10 @@ class AssetClauses:
             return False
         place = place_at(self._scene, reader)
         if place:
-            self._told.place = self._told.place or place
+            self._partial.place = self._partial.place or place
             return self._say(lambda s, n: s.place_of(n) == place)
         if reader.take("nothing"):
-            return self._told.say(is_guard, no=True)
+            return self._partial.say(is_guard, no=True)
         if reader.take("a gate", "any gate", "anything", "any", "gates", "the gates"):
             return self._say(is_guard)
         reader.at = start
@@ -112,9 +112,9 @@ class AssetClauses:
         if not reader.take("with", "has", "have", "having"):
             return self._no and bool(reader.take("a gate", "any gate")) and self._say(is_guard)
         if reader.take("nothing to do", "nothing on", "no job", "no task"):
-            return self._told.say(is_idle)
+            return self._partial.say(is_idle)
         if reader.take("no gate to guard", "no gate", "no post"):
-            return self._told.say(is_guard, no=True)
+            return self._partial.say(is_guard, no=True)
         if reader.take("a gate", "a post"):
             return self._say(is_guard)
         if self._company() and (self._related or reader.word(-1) == "gate"):
@@ -126,7 +126,7 @@ class AssetClauses:
         """Read the assets at the same place: *a drone at its gate*, *somebody*, *Drone_T01*."""
         reader, start = self._reader, self._reader.at
         if reader.take("somebody", "someone", "another", "anybody"):
-            return self._told.say(lambda s, n: is_guard(s, n) and len(s.at(s.place_of(n))) > 1)
+            return self._partial.say(lambda s, n: is_guard(s, n) and len(s.at(s.place_of(n))) > 1)
         name = asset_at(self._scene, reader)
         reader.take("a", "an", "one")
         team = frozenset((name,)) if name else self._scene.members(reader.word())
@@ -135,27 +135,29 @@ class AssetClauses:
             return False
         reader.at += not name
         reader.take("at its gate", "at its side", "beside it", "there")
-        return self._told.say(
+        return self._partial.say(
             lambda s, n: any(o in team and o != n for o in s.at(s.place_of(n) or "-"))
         )
 
     def _located(self) -> bool:
         """Read the place of an asset: *at the base*, *at a gate*, *from the hub*."""
-        reader, told = self._reader, self._told
+        reader, partial = self._reader, self._partial
         start = reader.at
-        if told.ranking is not None and not self._related:
+        if partial.ranking is not None and not self._related:
             return False
         if not reader.take_in(words.IN):
             return False
         if reader.take("a gate", "any gate", "gates", "the gates", "gate duty"):
             return self._say(is_guard)
         place = place_at(self._scene, reader)
-        destined = told.put and not self._related and reader.word() not in ("to", "at", "on", "in")
+        destined = (
+            partial.put and not self._related and reader.word() not in ("to", "at", "on", "in")
+        )
         if not place or destined:
             reader.at = start
             return False
-        told.bare_location = not self._related and start == self._start
-        told.place = told.place or place
+        partial.bare_location = not self._related and start == self._start
+        partial.place = partial.place or place
         return self._say(lambda s, n: s.place_of(n) == place)
 
     def _state(self) -> bool:
@@ -166,9 +168,9 @@ class AssetClauses:
         if reader.take("alone"):
             reader.take("at its gate", "at their gate", "there")
             self._say(lambda s, n: len(s.at(s.place_of(n))) < 2)
-            return self._told.say(is_guard)
+            return self._partial.say(is_guard)
         if reader.take("shares its gate", "shares a gate", "share a gate"):
-            self._told.say(is_guard)
+            self._partial.say(is_guard)
             return bool(reader.take("with")) and self._company()
         if reader.take("can leave", "may leave"):
             reader.take("its gate", "its post", "its place")
@@ -180,7 +182,7 @@ class AssetClauses:
         if reader.take_in(words.IDLE) or reader.take("doing nothing"):
             return self._say(is_idle)
         if reader.take("doing anything"):
-            return self._told.say(is_idle)
+            return self._partial.say(is_idle)
         if reader.take("running low", "low", "nearly flat", "almost empty", "almost flat"):
             reader.take("on battery", "on power", "on juice", "on charge")
             return self._say(is_low)
@@ -190,35 +192,35 @@ class AssetClauses:
             return self._say(has_failed)
         answers = reader.take("answering", "answer", "responding", "respond", "reporting")
         if (self._no and answers) or reader.take_in(words.SILENT):
-            return self._told.say(is_silent)
+            return self._partial.say(is_silent)
         return False
 
 
-def sent(told: PartialDescription, place: str = "", *, early: bool) -> None:
+def sent(partial: PartialDescription, place: str = "", *, early: bool) -> None:
     """Add the trait that an asset was sent last, or first, to `place` if given."""
-    told.past = told.of_assets = True
-    moves = [move for move in told.scene.moved if place in ("", move.target)]
-    last = told.scene.last
-    meant = [move.agent for move in (moves[:1] if early else moves[-1:])]
+    partial.past = partial.of_assets = True
+    moves = [move for move in partial.scene.moved if place in ("", move.target)]
+    last = partial.scene.last
+    agents = [move.agent for move in (moves[:1] if early else moves[-1:])]
     if not early and last is not None and not place:
-        meant = [move.agent for move in last.moves if move in moves]
-    told.say(lambda _, name: name in meant)
+        agents = [move.agent for move in last.moves if move in moves]
+    partial.say(lambda _, name: name in agents)
 
 
 class GateClauses:
-    """A reader of successive clauses that collects their traits in `told`."""
+    """A reader of successive clauses that collects their traits in `partial`."""
 
-    def __init__(self, told: PartialDescription) -> None:
-        self._told = told
-        self._scene, self._reader = told.scene, told.reader
+    def __init__(self, partial: PartialDescription) -> None:
+        self._partial = partial
+        self._scene, self._reader = partial.scene, partial.reader
 
     def read(self) -> bool:
         """Read one clause; return False if there is none that is understood."""
         reader = self._reader
-        if self._told.ranked():
+        if self._partial.ranked():
             return True
         if reader.take("where"):
-            return self._where()
+            return self._standing_asset()
         if reader.take("whose guard", "whose guards"):
             return self._of_guard()
         related = bool(reader.take("that", "which"))
@@ -233,13 +235,13 @@ class GateClauses:
         if reader.take("nobody", "no one"):
             reader.skip(("is", "'s", "at", "there"))
             reader.take_in(words.GUARDING)
-            return self._told.say(is_bare)
+            return self._partial.say(is_bare)
         reader.skip(("is", "are", "'s", "currently", "still"))
         no = bool(reader.take("not"))
         if related and reader.take_in(words.BARE):
-            return self._told.say(is_bare, no=no)
+            return self._partial.say(is_bare, no=no)
         if reader.take_in(words.GUARDED):
-            return self._by() if reader.take("by") else self._told.say(is_bare, no=not no)
+            return self._by() if reader.take("by") else self._partial.say(is_bare, no=not no)
         reader.at = start
         return False
 
@@ -249,7 +251,7 @@ class GateClauses:
             reader.take("a", "any")
             if reader.take("guard", "guards", "anybody", "anyone", "cover", "one"):
                 reader.take(*_ON_IT)
-                return self._told.say(is_bare)
+                return self._partial.say(is_bare)
         reader.at = start
         return False
 
@@ -258,28 +260,28 @@ class GateClauses:
 
     def _by(self) -> bool:
         """Read the guards of a gate: *only one guard*, *nobody*, *a robot and a drone*."""
-        reader, told = self._reader, self._told
+        reader, partial = self._reader, self._partial
         start = reader.at
         if reader.take("nobody", "no one", "no guard", "no guards", "no cover", "none"):
             reader.take(*_ON_IT)
-            return told.say(is_bare)
+            return partial.say(is_bare)
         alone = bool(reader.take("only", "just", "no more than"))
         number = self._how_many()
         alone = alone or reader.word(-1) == "single"
         if number >= 0 and reader.take_in(words.GUARDS):
             reader.take(*_ON_IT)
-            return told.say(lambda s, g: len(s.guards(g)) == number)
+            return partial.say(lambda s, g: len(s.guards(g)) == number)
         teams = self._teams()
         reader.take(*_ON_IT)
         if not teams:
             reader.at = start
             return False
         most = max(number, 1)
-        told.say(lambda s, g: all(team & set(s.guards(g)) for team in teams))
+        partial.say(lambda s, g: all(team & set(s.guards(g)) for team in teams))
         if number > 0:
-            told.say(lambda s, g: all(len(team & set(s.guards(g))) == most for team in teams))
+            partial.say(lambda s, g: all(len(team & set(s.guards(g))) == most for team in teams))
         if alone:
-            told.say(lambda s, g: len(s.guards(g)) == len(teams) * most)
+            partial.say(lambda s, g: len(s.guards(g)) == len(teams) * most)
         return True
 
     def _how_many(self) -> int:
@@ -295,16 +297,16 @@ class GateClauses:
 
     def _teams(self) -> tuple[frozenset[str], ...]:
         """Read kinds or names: *a robot and a drone*, *Drone_T01*."""
-        reader, found = self._reader, list[frozenset[str]]()
+        reader, teams = self._reader, list[frozenset[str]]()
         while True:
             name = asset_at(self._scene, reader)
             team = frozenset((name,)) if name else self._scene.members(reader.word())
             if not team:
-                return tuple(found)
+                return tuple(teams)
             reader.at += not name
-            found.append(team)
+            teams.append(team)
             if not reader.take("and a", "and an", "and one", "and"):
-                return tuple(found)
+                return tuple(teams)
 
     def _somebody_guards(self) -> bool:
         """Read *Drone_T01 is guarding*, *a drone watches*."""
@@ -316,11 +318,11 @@ class GateClauses:
             reader.at += not name
             reader.skip(("is", "'s", "currently"))
             if reader.take_in(words.GUARDING) or reader.take("at", "stands at", "on"):
-                return self._told.say(lambda s, g: bool(team & set(s.stationed(g))))
+                return self._partial.say(lambda s, g: bool(team & set(s.stationed(g))))
         reader.at = start
         return False
 
-    def _where(self) -> bool:
+    def _standing_asset(self) -> bool:
         """Read *where Drone_T01 stands*, *where both A and B are*, *where the truck is*."""
         reader, start = self._reader, self._reader.at
         reader.take("both")
@@ -330,7 +332,7 @@ class GateClauses:
             reader.take("and", ",")
         if names:
             reader.skip(words.STANDING)
-            return self._told.say(lambda s, g: all(n in s.stationed(g) for n in names))
+            return self._partial.say(lambda s, g: all(n in s.stationed(g) for n in names))
         reader.at = start
         return self._visited()
 
@@ -345,7 +347,7 @@ class GateClauses:
             return False
         kind = words.CONTACTS[word]
         reader.skip(words.COMING)
-        return self._told.say(lambda s, g: any(t.gate == g for t in s.visitors(kind)))
+        return self._partial.say(lambda s, g: any(t.gate == g for t in s.visitors(kind)))
 
     def _of_guard(self) -> bool:
         """Read the state of a gate's guard: *is low on battery*, *has failed*, *is silent*."""
@@ -362,4 +364,4 @@ class GateClauses:
             trait = is_silent
         else:
             return False
-        return self._told.say(lambda s, g: any(trait(s, n) for n in s.stationed(g)))
+        return self._partial.say(lambda s, g: any(trait(s, n) for n in s.stationed(g)))
