@@ -55,7 +55,7 @@ def auto_approver(request: ev.ApprovalRequested) -> Decision:
     Warnings are acknowledged. A judge's Failure is never overridden. An order that planner or judge
     may have misread, with a confidence below STANDING_CONFIDENCE, is not carried out.
     """
-    approver = standing_approver("auto", least=STANDING_CONFIDENCE, given="auto_approver")
+    approver = standing_approver("auto", least=STANDING_CONFIDENCE, origin="auto_approver")
     return approver(request)
 
 

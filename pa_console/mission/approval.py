@@ -153,8 +153,8 @@ def people_needed(
 
 def people_words(needed: Mapping[str, int]) -> str:
     """Return in words the parts that more than one person must approve."""
-    said = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
-    return ", ".join(said)
+    needs = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
+    return ", ".join(needs)
 
 
 def inadmissible(
@@ -180,7 +180,7 @@ def inadmissible(
         return _not_changeable(request, decision)
     if problem := _not_approvable(request, decision):
         return problem
-    lacking = {act: asked for act, asked in (needed or {}).items() if people < asked}
+    lacking = {act: required for act, required in (needed or {}).items() if people < required}
     return f"{people_words(lacking)} to approve, so far there is {people}" if lacking else ""
 
 
@@ -223,7 +223,7 @@ def standing_approver(
     reading: int = 0,
     *,
     least: float | None = None,
-    given: str = "",
+    origin: str = "",
 ) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
@@ -239,16 +239,16 @@ def standing_approver(
     skips both conditions, for evaluations, which need the truth of every plan. An order that was
     not understood is never approved.
 
-    `given` is the origin of the instruction in the log; by default, the command line.
+    `origin` is the origin of the instruction in the log; by default, the command line.
     """
     chosen: list[str] = []
 
     def decide(request: ev.ApprovalRequested) -> Decision:
-        by = f"{STANDING}: {given or f'--approve {mode}'}"
+        by = f"{STANDING}: {origin or f'--approve {mode}'}"
         others = request.readings[reading - 1 : reading] if reading and not chosen else ()
-        for asked in others:
-            chosen.append(asked)
-            return Decision(kind="choose", by=by, asked=asked)
+        for chosen_reading in others:
+            chosen.append(chosen_reading)
+            return Decision(kind="choose", by=by, asked=chosen_reading)
         if mode == "never":
             return Decision(kind="reject", by=by, reason="plans are never approved in this run")
         if request.blocked_by:
@@ -298,8 +298,8 @@ def unasked_decision(
     """
     if not order.unasked or not allowed:
         return None
-    given = f"standing order {order.id}"
-    decision = standing_approver("auto", least=SURE_ENOUGH, given=given)(request)
+    origin = f"standing order {order.id}"
+    decision = standing_approver("auto", least=SURE_ENOUGH, origin=origin)(request)
     decided = decision.model_copy(update={"standing_order": order.id})
     if decision.kind == "approve":
         return None if not_unasked(order, request, allowed) else decided

@@ -225,16 +225,16 @@ class Services:
 
 
 def _second_reader(
-    engine: Engine, asked: Callable[[Answerer], Answerer]
+    engine: Engine, wrap: Callable[[Answerer], Answerer]
 ) -> Judge | ClauseReader | None:
     """Return the second reader: a trained judge for the compact format, otherwise a clause reader.
 
-    `asked` wraps its model.
+    `wrap` wraps its model.
     """
     second = engine.second_reader
     if second is None or second.model.prompts != "compact":
-        return ClauseReader(asked(second)) if second is not None else None
-    return Judge(asked(second), max_tokens=PROMPT_FORMATS["compact"].verdict_tokens)
+        return ClauseReader(wrap(second)) if second is not None else None
+    return Judge(wrap(second), max_tokens=PROMPT_FORMATS["compact"].verdict_tokens)
 
 
 @dataclass
@@ -285,10 +285,10 @@ class MissionContext:
     described: tuple[str, tuple[str, ...]] = ("", ())
     """The order's words that describe an asset, and the assets that they may mean."""
 
-    def as_described(self, text: str, asked: str) -> str:
-        """Return `text` with the described asset by name, if `asked` names exactly one choice."""
+    def as_described(self, text: str, reading: str) -> str:
+        """Return `text` with the described asset by name, if `reading` names exactly one choice."""
         words, choices = self.described
-        named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", asked)]
+        named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", reading)]
         return with_answers(text, {words: named[0]}) if len(named) == 1 else text
 
     def turn_to_own(self, failed: RoleModel, error: str) -> None:
@@ -327,15 +327,17 @@ class ForeseenContext:
         """Continue the count of plans from that of a step."""
         self._context.attempts = step.attempts
 
-    def went(self, found: Examination, mission: Mission) -> bool:
+    def went(self, examination: Examination, mission: Mission) -> bool:
         """Record a step's rehearsal for the steps after it; return False if the step is blocked."""
-        rehearsal, world = found.rehearsal, self._services.fleet.world
-        if found.blocked or rehearsal is None:
+        rehearsal, world = examination.rehearsal, self._services.fleet.world
+        if examination.blocked or rehearsal is None:
             return False
         before, past = self._services.fleet.picture(), self._services.past
         past = PastOrders([*past.missions], past.pointer)
-        spoken = mission.model_copy(update={"source": "operator"})
-        past.remember(spoken, ordered_by(found.plan, before), undid=False, corrects=False)
+        as_operator = mission.model_copy(update={"source": "operator"})
+        past.remember(
+            as_operator, ordered_by(examination.plan, before), undid=False, corrects=False
+        )
         fleet = ForeseenFleet(world, rehearsal.after)
         self._services = replace(self._services, fleet=fleet, past=past)
         self._monitor = self._monitor.copy()

@@ -80,13 +80,13 @@ async def decide(
     The request offers the other possible readings of the order; those in `before` remain on offer.
     """
     shown, world = planned.best, context.services.fleet.world
-    found = shown.examination
+    examination = shown.examination
     readings = await _reconsider(context, planned, before)
     baseless = "nothing in the order names what was read in it"
     request = request_approval(
         f"{context.mission.id}.{shown.attempt}",
         shown.attempt,
-        CheckedPlan(found.plan, found.findings, shown.verdict, shown.judge_error),
+        CheckedPlan(examination.plan, examination.findings, shown.verdict, shown.judge_error),
         OrderAsRead(
             asked=readings.own,
             readings=readings.offered,
@@ -99,7 +99,9 @@ async def decide(
             else "",
         ),
         judging=context.services.variant.judging,
-        if_halted=ways_to_safety(found.plan, world, found.before) if found.before else (),
+        if_halted=ways_to_safety(examination.plan, world, examination.before)
+        if examination.before
+        else (),
     )
     return replace(await answered(context, request, answer), readings=readings)
 
@@ -115,15 +117,19 @@ async def _reconsider(
     looked_at, shown = context.services.variant.readings, planned.best
     if not looked_at or planned.steps or planned.by_grammar:
         return Readings()
-    said = planned.answered.said
-    own = shown.asked or said
-    known = [before.own, *before.offered] if before.offered else []
+    planner_reading = planned.answered.said
+    own = shown.asked or planner_reading
+    candidates = [before.own, *before.offered] if before.offered else []
     if not planned.answered.retrieved.chosen:
-        known = [reading.asked for reading in planned.readings] or [said]
+        candidates = [reading.asked for reading in planned.readings] or [planner_reading]
         if shown.sure is not None and shown.sure < MORE_BELOW:
-            known += await other_readings(context, planned.answered, looked_at)
-    others = distinct(own, known, context.services.fleet.world.base)
-    founded = (said for said in others if not _baseless(context, planned, said))
+            candidates += await other_readings(context, planned.answered, looked_at)
+    others = distinct(own, candidates, context.services.fleet.world.base)
+    founded = (
+        planner_reading
+        for planner_reading in others
+        if not _baseless(context, planned, planner_reading)
+    )
     offered = tuple(islice(founded, MOST_READINGS))
     return Readings(own, offered) if offered else Readings()
 
@@ -149,9 +155,9 @@ async def answered(
     unasked = _unasked(context, request)
     while True:
         with context.stopwatch.time("decision_s"):
-            given = unasked or await decide()
+            answer = unasked or await decide()
         unasked = None
-        decision, elsewhere = gate.signed(request, given, rules), bool(given.signatures)
+        decision, elsewhere = gate.signed(request, answer, rules), bool(answer.signatures)
         if elsewhere and not _countersigns(request, decision, signatures):
             continue
         if decision.kind == "approve" and not inadmissible(request, decision):
@@ -251,19 +257,21 @@ async def offer_standing(
 
 
 async def ask_back(
-    context: MissionContext, asked: NotUnderstood, number: int, decide: Decide
+    context: MissionContext, question: NotUnderstood, number: int, decide: Decide
 ) -> str | MissionResult:
     """Ask the operator what the order means, and return the answer.
 
     `number` counts the earlier questions about this mission. The request has no plan, so an answer
     approves nothing.
     """
-    context.emit(ev.QuestionAsked(question=asked.question, said=asked.said, choices=asked.choices))
+    context.emit(
+        ev.QuestionAsked(question=question.question, said=question.said, choices=question.choices)
+    )
     request = request_approval(
         f"{context.mission.id}.0.{number}" if number else f"{context.mission.id}.0",
         0,
         CheckedPlan(Plan(reason="", actions=())),
-        OrderAsRead(question=asked.question),
+        OrderAsRead(question=question.question),
     )
     decided = await answered(context, request, decide)
     if decided.decision.kind == "answer":
@@ -277,15 +285,15 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
     Each choice is the whole order with one place of the site.
     """
     shown = planned.best
-    asked = shown.asked.removeprefix(ASKED)
-    if shown.own or asked.count(NOWHERE) != 1 or asked.startswith("if "):
+    reading = shown.asked.removeprefix(ASKED)
+    if shown.own or reading.count(NOWHERE) != 1 or reading.startswith("if "):
         return None
     if len(planned.readings) > 1:  # another reader has a place for it
         return None
     if any(action.verb != "hold" for action in shown.examination.plan.actions):
         return None
     places = (*world.gates, *(name for name in world.frames if name not in world.gates))
-    choices = tuple(asked.replace(NOWHERE, place) for place in places)
+    choices = tuple(reading.replace(NOWHERE, place) for place in places)
     return NotUnderstood(
         "no place here is called that. Which one is meant?",
         choices=choices if len(choices) <= MOST_CHOICES else (),
@@ -300,8 +308,8 @@ def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUn
     """
     if question is None:
         return None
-    sure, asked = planned.confidence, read_asked(planned.best.asked)
-    if sure is None or sure < UNSURE or planned.read_apart or asked is None:
+    sure, reading = planned.confidence, read_asked(planned.best.asked)
+    if sure is None or sure < UNSURE or planned.read_apart or reading is None:
         return question
     actions = planned.best.examination.plan.actions
     named = {name for action in actions for name in (action.agent, action.target)}
@@ -319,13 +327,13 @@ def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:
     return MissionResult("rejected", decision.reason or f"rejected by {decision.by}")
 
 
-def _baseless(context: MissionContext, planned: PlanForDecision, said: str) -> bool:
+def _baseless(context: MissionContext, planned: PlanForDecision, reading_text: str) -> bool:
     """Return whether a reading moves an asset, but has no basis in the order's words."""
-    reading, world = read_asked(said), context.services.fleet.world
+    reading, world = read_asked(reading_text), context.services.fleet.world
     if reading is None or all(ask.task in _STILL for ask in reading.asks):
         return False
     rehearsal = planned.best.examination.rehearsal
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
     task, nothing = planned.answered.retrieved.task, Plan(reason="", actions=())
-    check = check_mentions(world, before, task.text, said, nothing, follows=task.follows)
+    check = check_mentions(world, before, task.text, reading_text, nothing, follows=task.follows)
     return check.unfounded

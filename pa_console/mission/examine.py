@@ -117,8 +117,8 @@ def _handled(track: Track, plan: Plan) -> TrackTimeline:
     """Return the timeline of a track as if all commands at its gate had succeeded at once."""
     verbs = {action.verb for action in plan.actions if action.target == track.gate}
 
-    def when(known: bool) -> float | None:
-        return 0.0 if known else None
+    def when(happened: bool) -> float | None:
+        return 0.0 if happened else None
 
     return TrackTimeline(
         observed_s=when(track.observed or "observe" in verbs),
@@ -209,15 +209,15 @@ def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
 
 def banned(plan: Plan, world: World, standing: StandingOrders) -> tuple[Finding, ...]:
     """Return a critical finding for each standing order that bans a movement of `plan`."""
-    found = dict[str, Finding]()
+    findings = dict[str, Finding]()
     for action in plan.actions:
         order = standing.banned_by(action.agent, goes_to(action, world))
         if order is not None:
             message = f"standing order {order.id}: {order.order}; the plan sends {action.agent}"
-            found[order.id] = Finding(
+            findings[order.id] = Finding(
                 rule_id=ORDER_ID, priority="critical", status="violates", message=message
             )
-    return tuple(found.values())
+    return tuple(findings.values())
 
 
 async def examine(  # noqa: PLR0917
@@ -265,8 +265,8 @@ async def examine(  # noqa: PLR0917
         )
         for part, step in _checked_steps(plan, run)
     ]  # fmt: skip
-    found = await asyncio.to_thread(lambda: [check() for check in checks])
-    findings = found[0] if len(found) == 1 else _worst_of(found)
+    findings_by_step = await asyncio.to_thread(lambda: [check() for check in checks])
+    findings = findings_by_step[0] if len(findings_by_step) == 1 else _worst_of(findings_by_step)
     done = perf_counter()
     seconds = checked - started + done - rehearsed
     findings = (*excluded, *findings)
@@ -311,11 +311,13 @@ def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehe
 
 def _worst_of(steps: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
     """Return one finding per rule: of the first step that breaks it, or the most decisive one."""
-    found: list[Finding] = []
-    for each in zip(*steps, strict=True):
-        ranked = min(each, key=lambda one: (not one.broken, _DECIDES.index(one.status)))
+    decisive: list[Finding] = []
+    for findings in zip(*steps, strict=True):
+        ranked = min(
+            findings, key=lambda finding: (not finding.broken, _DECIDES.index(finding.status))
+        )
         if ranked.broken:
-            step = each.index(ranked) + 1
+            step = findings.index(ranked) + 1
             ranked = ranked.model_copy(update={"message": f"step {step}: {ranked.message}"})
-        found.append(ranked)
-    return tuple(found)
+        decisive.append(ranked)
+    return tuple(decisive)

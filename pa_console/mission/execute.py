@@ -120,7 +120,7 @@ class Execution:
             self._dispatch = dispatch = Dispatch(commands, fleet.tick, fleet.world.dt_s, limit_s)
             with self._context.stopwatch.time("dispatch_s"):
                 passages = gate.send(commands, emit)
-            kept = (each for each in passages if isinstance(each, ev.CommandRefused))
+            kept = (passage for passage in passages if isinstance(passage, ev.CommandRefused))
             refused = next((f"{k.command.agent} {k.command.verb}: {k.reason}" for k in kept), "")
             halted = (refused,) if refused else ()
             if not halted:
@@ -220,8 +220,8 @@ class Execution:
                 continue
             ended_s = fleet.time_s if ended_s is None else ended_s
             assets = fleet.picture().assets
-            told = all(assets[command.agent].stamp_s >= ended_s for command in commands)
-            if told or fleet.time_s - ended_s > TOLD_S:
+            reported = all(assets[command.agent].stamp_s >= ended_s for command in commands)
+            if reported or fleet.time_s - ended_s > TOLD_S:
                 break
         self._stopping = None
 

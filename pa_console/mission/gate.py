@@ -239,7 +239,7 @@ class CommandGate:
 
     def _withdraw(self, asset: str) -> None:
         """Withdraw every decision for `asset`, except the hold of a stop."""
-        self._orders.difference_update([each for each in self._orders if each.agent == asset])
+        self._orders.difference_update([order for order in self._orders if order.agent == asset])
         self._safety = tuple(action for action in self._safety if action.agent != asset)
         last = self._standing.get(asset)
         if last is not None and last not in self._stop_holds:
@@ -318,8 +318,8 @@ class CommandGate:
             return banned
         if command in self._orders:
             if waits := self._waits.get(command):
-                what = "action" if len(waits) == 1 else "actions"
-                return f"it waits for {what} {', '.join(map(str, sorted(waits)))}, not verified"
+                noun = "action" if len(waits) == 1 else "actions"
+                return f"it waits for {noun} {', '.join(map(str, sorted(waits)))}, not verified"
             return "" if command.verb in STILL else self._journal.problem
         return STOPPED if self.stopped else UNDECIDED
 

@@ -58,10 +58,10 @@ class OrderComparison(NamedTuple):
         return f"{self.planned}; {'; '.join(self.gaps) or FITS}"
 
 
-def compare_with_order(asked: str, moves: PlanMoves) -> OrderComparison:
+def compare_with_order(reading_text: str, moves: PlanMoves) -> OrderComparison:
     """Compare a plan with a reading in a judge's words ("asked: 1 drone home")."""
-    reading = read_asked(asked)
-    words = _planned(asked, moves)
+    reading = read_asked(reading_text)
+    words = _planned(reading_text, moves)
     if reading is None or not reading.readable:
         return OrderComparison(words, None)
     return OrderComparison(words, gaps(moves, reading))
@@ -76,21 +76,21 @@ def compared_grammar(
     the console cannot make, the violated rules of `rule_ids`, and the outcome of a plan that was
     `executed`.
     """
-    asked = opening.partition(': "')[2].removesuffix(PLANNED)
-    compared = compare_with_order(asked, moves)
-    said = exactly((asked + PLANNED + compared.told)[:COMPARED_CHARS])
+    reading_text = opening.partition(': "')[2].removesuffix(PLANNED)
+    compared = compare_with_order(reading_text, moves)
+    comparison = exactly((reading_text + PLANNED + compared.told)[:COMPARED_CHARS])
     if compared.gaps is None:
-        said += f"{WORD}+"
+        comparison += f"{WORD}+"
     elif executed and not compared.gaps:
-        said += f"; {WORD}+"
+        comparison += f"; {WORD}+"
     verdicts = ("Failure",) if compared.gaps else ("Success", "Failure")
-    return compact_judge_grammar(rule_ids, said, verdicts, COMPARED_CHARS)
+    return compact_judge_grammar(rule_ids, comparison, verdicts, COMPARED_CHARS)
 
 
-def _planned(asked: str, moves: PlanMoves) -> str:
+def _planned(reading_text: str, moves: PlanMoves) -> str:
     """Return the planned orders in words, by name if the order names assets."""
     actions, world = moves.plan.actions, moves.world
-    by_name = any(name in asked for name in world.assets)
+    by_name = any(name in reading_text for name in world.assets)
     words = planned(actions, world, by_name=by_name)
     if len(words) > MOST_PLANNED:
         words = planned(actions, world, by_name=False)[:MOST_PLANNED]
@@ -139,11 +139,11 @@ def ask_about_plan(
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
     """Return the ids of the retrieved rules that apply to the plan, and of every broken one."""
     findings = [finding for finding in findings if finding.rule_id != ORDER_ID]
-    found = {finding.rule_id: finding for finding in findings}
+    by_rule = {finding.rule_id: finding for finding in findings}
     ids = [
         hit.rule_id
         for hit in hits
-        if hit.rule_id not in found or found[hit.rule_id].status != "not_applicable"
+        if hit.rule_id not in by_rule or by_rule[hit.rule_id].status != "not_applicable"
     ]
     return ids + [f.rule_id for f in findings if f.broken and f.rule_id not in ids]
 
@@ -180,17 +180,22 @@ async def _taken_instead(
     the order only if the plan on show does. A plan without movement, because nothing of its reading
     can be done, does not replace a plan that does everything that was ordered.
     """
-    asked, reader = reading.asked, reading.reader
+    reading_text, reader = reading.asked, reading.reader
     other = await with_commands_given(
-        context, answered, asked, read_asked(asked), shown, reader=reader
+        context, answered, reading_text, read_asked(reading_text), shown, reader=reader
     )
     if other is shown or other.examination.blocked:
         return None
     if other.mentions.gaps and not shown.mentions.gaps:
         return None
-    if _acts(shown) and not _acts(other) and not shown.gaps_told and _is_in_vain(context, asked):
+    if (
+        _acts(shown)
+        and not _acts(other)
+        and not shown.gaps_told
+        and _is_in_vain(context, reading_text)
+    ):
         return None
-    other = await _judged(context, answered, other, asked)
+    other = await _judged(context, answered, other, reading_text)
     return None if other.objected else other
 
 
@@ -222,26 +227,26 @@ def _acts(candidate: Candidate) -> bool:
     return any(action.verb not in STILL for action in candidate.examination.plan.actions)
 
 
-def _is_in_vain(context: MissionContext, asked: str) -> bool:
+def _is_in_vain(context: MissionContext, reading_text: str) -> bool:
     """Return whether no part of a reading can be done, although no part is refused outright."""
-    reading, fleet = read_asked(asked), context.services.fleet
+    reading, fleet = read_asked(reading_text), context.services.fleet
     if reading is None or not reading.asks or any(ask.task == "refused" for ask in reading.asks):
         return False
     return all(obstacle_to(ask, fleet.world, fleet.picture()) for ask in reading.asks)
 
 
 async def _judged(
-    context: MissionContext, answered: PlannerAnswer, candidate: Candidate, asked: str = ""
+    context: MissionContext, answered: PlannerAnswer, candidate: Candidate, chosen: str = ""
 ) -> Candidate:
     """Return `candidate` with the judge's verdict on its plan.
 
-    The judge reads the order unless `asked` is given. If a judge on a server returns no verdict,
+    The judge reads the order unless `chosen` is given. If a judge on a server returns no verdict,
     the local model judges instead.
     """
-    found, services, attempt = candidate.examination, context.services, candidate.attempt
-    if found.blocked or found.rehearsal is None or not services.variant.judging:
+    examination, services, attempt = candidate.examination, context.services, candidate.attempt
+    if examination.blocked or examination.rehearsal is None or not services.variant.judging:
         return candidate
-    case = _case(answered, candidate, found.rehearsal, asked)
+    case = _case(answered, candidate, examination.rehearsal, chosen)
 
     def on_text(piece: str) -> None:
         context.emit(ev.TextStreamed(role="judge", attempt=attempt, text=piece))
@@ -281,15 +286,15 @@ async def _judged(
 
 
 def _case(
-    answered: PlannerAnswer, candidate: Candidate, rehearsal: Rehearsal, asked: str = ""
+    answered: PlannerAnswer, candidate: Candidate, rehearsal: Rehearsal, chosen: str = ""
 ) -> PlanCase:
-    found, question = candidate.examination, answered.question
+    examination, question = candidate.examination, answered.question
     return PlanCase(
         answered.retrieved.task,
         answered.retrieved.hits,
         question.digest,
-        found.plan,
-        found.findings,
+        examination.plan,
+        examination.findings,
         rehearsal,
-        asked or question.asked,
+        chosen or question.asked,
     )

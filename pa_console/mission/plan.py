@@ -84,8 +84,8 @@ class Candidate:
     @property
     def sure(self) -> float | None:
         """The lower confidence of planner and judge; None if neither reported one."""
-        told = (self.confidence, self.judge_confidence)
-        return min((sure for sure in told if sure is not None), default=None)
+        reported = (self.confidence, self.judge_confidence)
+        return min((sure for sure in reported if sure is not None), default=None)
 
     @property
     def gaps_told(self) -> tuple[str, ...]:
@@ -136,11 +136,11 @@ class PlanForDecision:
             return 1.0
         if self.steps:
             sure = [step.confidence for step in self.steps]
-            known = [chance for chance in sure if chance is not None]
-            return prod(known) if len(known) == len(sure) else None
-        told = {reader for each in self.readings for reader in each.evidence.told}
-        known = "second" in told or told >= {"planner", "judge"}
-        return self.served.chance if known and self.served is not None else None
+            confidences = [chance for chance in sure if chance is not None]
+            return prod(confidences) if len(confidences) == len(sure) else None
+        readers = {reader for reading in self.readings for reader in reading.evidence.told}
+        confidences = "second" in readers or readers >= {"planner", "judge"}
+        return self.served.chance if confidences and self.served is not None else None
 
     @property
     def read_apart(self) -> bool:
@@ -181,8 +181,8 @@ async def plan(
             error, reasons = proposal.error, (proposal.error,)
         else:
             if context.services.variant.fitting:
-                asked = answered.question.asked
-                read = read_asked(asked) if asked else read_reason(proposal.plan.reason)
+                chosen = answered.question.asked
+                read = read_asked(chosen) if chosen else read_reason(proposal.plan.reason)
                 reading = reading or read
             attempt = NumberedPlan(
                 answered.attempt,
@@ -254,21 +254,21 @@ async def _first_sound(
 async def with_commands_given(
     context: MissionContext,
     answered: PlannerAnswer,
-    asked: str,
+    reading_text: str,
     reading: Reading | None,
     best: Candidate,
     *,
     reader: Reader = "planner",
 ) -> Candidate:
-    """Examine plans for the reading `asked` that consist of the console's own commands.
+    """Examine plans for a reading that consist of the console's own commands.
 
     Each serves less of the reading than the one before, until no rule blocks one. The result is the
     best of them and the `best` so far. A sound one is returned in any case, even if `best` is for
     another reading.
     """
     retrieved = answered.retrieved
-    for slots in await commands_for(context, retrieved, asked, MOST_SERVED):
-        attempt = await ask_who(context, answered, asked, slots, reader)
+    for slots in await commands_for(context, retrieved, reading_text, MOST_SERVED):
+        attempt = await ask_who(context, answered, reading_text, slots, reader)
         if attempt is None:
             continue
         candidate = await _examined(context, retrieved, attempt, reading)
@@ -288,44 +288,46 @@ async def _examined(
 ) -> Candidate:
     """Examine a plan; one that no model wrote (`own`) is not compared with the order's words."""
     plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
-    found = await safeguards(context, task, plan_)
-    before = found.rehearsal.before if found.rehearsal is not None else fleet.picture()
+    examination = await safeguards(context, task, plan_)
+    before = examination.rehearsal.before if examination.rehearsal is not None else fleet.picture()
     amiss: tuple[str, ...] = ()
     left: tuple[Unmet, ...] = ()
-    if reading is not None and reading.readable and found.rehearsal is not None:
+    if reading is not None and reading.readable and examination.rehearsal is not None:
         moves = PlanMoves(fleet.world, before, plan_)
         amiss = gaps(moves, within_capability(reading, fleet.world))
         left = unmet_asks(moves, reading, task.text)
-    unmet = tuple(one.told for one in left)
+    unmet = tuple(part.told for part in left)
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:
-        asked = asked_words(plan_.reason).rstrip("; ")
-        words = context.as_described(task.text, asked)
+        reading_text = asked_words(plan_.reason).rstrip("; ")
+        words = context.as_described(task.text, reading_text)
         follows = task.follows
-        mentions = check_mentions(fleet.world, before, words, asked, plan_, unmet, follows)
+        mentions = check_mentions(fleet.world, before, words, reading_text, plan_, unmet, follows)
         leaning = () if follows else leaning_words(context.services.scene, task.text)
         mentions = mentions._replace(leaning=leaning)
-    if found.rehearsal is not None and context.services.variant.rehearsal:
+    if examination.rehearsal is not None and context.services.variant.rehearsal:
         context.emit(
             ev.PlanRehearsed(
-                attempt=attempt.number, rehearsal=found.rehearsal, seconds=found.rehearsal_s
+                attempt=attempt.number,
+                rehearsal=examination.rehearsal,
+                seconds=examination.rehearsal_s,
             )
         )
     context.emit(
         ev.PlanChecked(
             attempt=attempt.number,
-            findings=found.findings,
-            seconds=found.checks_s,
+            findings=examination.findings,
+            seconds=examination.checks_s,
             unmet=unmet,
             gaps=mentions.gaps,
         )
     )
     return Candidate(
         attempt.number,
-        found,
+        examination,
         amiss,
         unmet,
-        any(not one.so for one in left),
+        any(not part.so for part in left),
         mentions,
         attempt.confidence,
         own=own,
@@ -336,7 +338,7 @@ async def _examined(
 async def safeguards(context: MissionContext, task: Mission, checked: Plan) -> Examination:
     """Examine a plan for `task` in the present state."""
     services = context.services
-    found = await examine(
+    examination = await examine(
         checked,
         task,
         services.fleet,
@@ -346,6 +348,6 @@ async def safeguards(context: MissionContext, task: Mission, checked: Plan) -> E
         context.mission.text,
         services.standing,
     )
-    context.stopwatch.add("checks_s", found.checks_s)
-    context.stopwatch.add("rehearsal_s", found.rehearsal_s)
-    return found
+    context.stopwatch.add("checks_s", examination.checks_s)
+    context.stopwatch.add("rehearsal_s", examination.rehearsal_s)
+    return examination

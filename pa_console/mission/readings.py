@@ -74,8 +74,8 @@ async def _read_again(
             async with asyncio.timeout(PATIENCE_S):
                 if isinstance(reader, ClauseReader):
                     digest = answered.question.digest
-                    asked = ask_what_is_asked(services.fleet.world, digest, task)
-                    read = await reader.read(asked)
+                    order_question = ask_what_is_asked(services.fleet.world, digest, task)
+                    read = await reader.read(order_question)
                 else:
                     read = await reader.read(question)
         except TimeoutError:
@@ -109,9 +109,11 @@ async def read_order(
     rehearsal = shown.examination.rehearsal
     before = rehearsal.before if rehearsal is not None else context.services.fleet.picture()
     answers = [ReaderAnswer("planner", shown.asked, shown.confidence)]
-    said = shown.verdict.feedback.partition(PLANNED) if shown.verdict is not None else ("", "", "")
-    if said[1]:
-        answers.append(ReaderAnswer("judge", said[0], shown.judge_confidence))
+    feedback = (
+        shown.verdict.feedback.partition(PLANNED) if shown.verdict is not None else ("", "", "")
+    )
+    if feedback[1]:
+        answers.append(ReaderAnswer("judge", feedback[0], shown.judge_confidence))
     answers += await _read_again(context, answered, shown, question)
     groups = [answers[:1]]
     for answer in answers[1:]:
@@ -124,14 +126,14 @@ async def read_order(
                 groups[0].append(answer)
             else:
                 groups.append([answer])
-    found = [_with_evidence(answers[0], groups[0], shown.mentions)]
+    readings = [_with_evidence(answers[0], groups[0], shown.mentions)]
     for group in groups[1:]:
         first = max(group, key=lambda answer: answer.chance or 0.0)
         plan = await foreseen(context, answered, first.asked)
         words = context.as_described(text, first.asked)
         check = check_mentions(world, before, words, first.asked, plan, follows=follows)
-        found.append(_with_evidence(first, group, check))
-    return weighed(found)
+        readings.append(_with_evidence(first, group, check))
+    return weighed(readings)
 
 
 def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -> bool:
@@ -140,15 +142,15 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
     A reader that reports no confidence, or whose accuracy was not measured, decides nothing. The
     judge needs no confidence if its reading leaves fewer gaps.
     """
-    known = bool(own.evidence.told) and bool(reading.evidence.told)
+    measured = bool(own.evidence.told) and bool(reading.evidence.told)
     if reading.reader != "judge":
-        return known
-    return variant.second_reading and (known or reading.evidence.gaps < own.evidence.gaps)
+        return measured
+    return variant.second_reading and (measured or reading.evidence.gaps < own.evidence.gaps)
 
 
-def _same(one: str, other: str, base: str) -> bool:
+def _same(first: str, other: str, base: str) -> bool:
     """Return whether two readings are the same; unparsable ones are compared as text."""
-    return one == other or agree(one, other, base)
+    return first == other or agree(first, other, base)
 
 
 def _with_evidence(
@@ -156,20 +158,20 @@ def _with_evidence(
 ) -> WeighedReading:
     """Return the reading that `group` shares, in the words of `first`."""
     chance = {answer.reader: answer.chance for answer in group}
-    told = chance.get("planner"), chance.get("judge"), chance.get("second")
-    return WeighedReading(first.asked, first.reader, Evidence(*told, gaps=len(check.gaps)))
+    chances = chance.get("planner"), chance.get("judge"), chance.get("second")
+    return WeighedReading(first.asked, first.reader, Evidence(*chances, gaps=len(check.gaps)))
 
 
-def _serves(moves: PlanMoves, shown: Candidate, asked: str, text: str) -> bool:
-    """Return whether the plan on show, with its `moves`, does all that is `asked` and no more.
+def _serves(moves: PlanMoves, shown: Candidate, reading_text: str, text: str) -> bool:
+    """Return whether the plan on show, with its `moves`, does all of a reading and no more.
 
     A plan without movement, or one that leaves out words of the order, serves only its own reading.
     """
-    reading = read_asked(asked)
+    reading = read_asked(reading_text)
     still = all(action.verb == "hold" for action in moves.plan.actions)
     if reading is None or still or shown.gaps or shown.narrowed or shown.mentions.gaps:
         return False
-    return not gaps(moves, reading) and all(one.so for one in unmet_asks(moves, reading, text))
+    return not gaps(moves, reading) and all(part.so for part in unmet_asks(moves, reading, text))
 
 
 async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str) -> Plan:

@@ -76,9 +76,9 @@ class MotionRecord:
             if agent not in self._arrived and picture.assets[agent].at == goal:
                 self._arrived[agent] = time_s
         for gate, cover in picture.gates.items():
-            known = self._guards.setdefault(gate, [])
-            if not known or known[-1][1] != cover.by:
-                known.append((time_s, cover.by))
+            changes = self._guards.setdefault(gate, [])
+            if not changes or changes[-1][1] != cover.by:
+                changes.append((time_s, cover.by))
 
     def _positions(self, picture: Picture) -> Iterator[tuple[str, Point]]:
         for name in self._assets:
@@ -173,10 +173,10 @@ async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
     gaps_s: dict[str, float] = {}
     for numbers in plan.steps:
         recorder = _Recorder(forecast.world, before, plan.part(numbers), gaps_s)
-        found = await _rehearse_step(forecast, recorder, plan.part(numbers), len(rehearsed))
-        rehearsed.append(found)
-        before, gaps_s = found.after, recorder.gaps_s
-        if not all(line.finished for line in found.timeline.assets.values()):
+        rehearsal = await _rehearse_step(forecast, recorder, plan.part(numbers), len(rehearsed))
+        rehearsed.append(rehearsal)
+        before, gaps_s = rehearsal.after, recorder.gaps_s
+        if not all(line.finished for line in rehearsal.timeline.assets.values()):
             break
     return RehearsedSteps(joined(rehearsed), tuple(rehearsed))
 
@@ -351,8 +351,8 @@ class _Recorder:
         )
 
 
-def _first(known: float | None, now: bool, time_s: float) -> float | None:
-    return time_s if known is None and now else known
+def _first(earlier: float | None, now: bool, time_s: float) -> float | None:
+    return time_s if earlier is None and now else earlier
 
 
 def _gap_m(here: Point, there: Point) -> float:
@@ -405,29 +405,29 @@ def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
     )
 
 
-def _later_track(known: TrackTimeline | None, new: TrackTimeline, start_s: float) -> TrackTimeline:
+def _later_track(before: TrackTimeline | None, new: TrackTimeline, start_s: float) -> TrackTimeline:
     """Return the first times of a track's events, with those of a step that begins at `start_s`."""
     times = {
         name: None if at is None else at + start_s
         for name, at in new.model_dump(exclude={"least_distance_m"}).items()
     }
     least = new.least_distance_m
-    if known is not None:
-        earlier = known.model_dump(exclude={"least_distance_m"})
+    if before is not None:
+        earlier = before.model_dump(exclude={"least_distance_m"})
         times |= {name: at for name, at in earlier.items() if at is not None}
-        both = [gap for gap in (known.least_distance_m, least) if gap is not None]
+        both = [gap for gap in (before.least_distance_m, least) if gap is not None]
         least = min(both, default=None)
     return TrackTimeline(**times, least_distance_m=least)
 
 
-def _later_asset(known: AssetTimeline, new: AssetTimeline) -> AssetTimeline:
+def _later_asset(before: AssetTimeline, new: AssetTimeline) -> AssetTimeline:
     return AssetTimeline(
-        finished=known.finished and new.finished,
-        detail=known.detail or new.detail,
-        left_perimeter=known.left_perimeter or new.left_perimeter,
-        entered_zones=tuple(dict.fromkeys((*known.entered_zones, *new.entered_zones))),
-        least_battery_pct=min(known.least_battery_pct, new.least_battery_pct),
-        travelled_m=known.travelled_m + new.travelled_m,
+        finished=before.finished and new.finished,
+        detail=before.detail or new.detail,
+        left_perimeter=before.left_perimeter or new.left_perimeter,
+        entered_zones=tuple(dict.fromkeys((*before.entered_zones, *new.entered_zones))),
+        least_battery_pct=min(before.least_battery_pct, new.least_battery_pct),
+        travelled_m=before.travelled_m + new.travelled_m,
     )
 
 
@@ -443,9 +443,12 @@ def _joined_motion(steps: Sequence[tuple[float, Rehearsal]]) -> Motion:
             later = tuple((round(at + start_s, 2), x, y) for at, x, y in points)
             ways[name] = (*ways.get(name, ()), *later)
         for gate, changes in motion.guards.items():
-            known = guards.get(gate, ())
+            earlier = guards.get(gate, ())
             new = [(round(at + start_s, 2), by) for at, by in changes]
-            guards[gate] = (*known, *(new[1:] if known and known[-1][1] == new[0][1] else new))
+            guards[gate] = (
+                *earlier,
+                *(new[1:] if earlier and earlier[-1][1] == new[0][1] else new),
+            )
         arrived |= {name: round(at + start_s, 2) for name, at in motion.arrived_s.items()}
         ended |= {name: round(at + start_s, 2) for name, at in motion.ended_s.items()}
     return Motion(trajectories=ways, guards=guards, arrived_s=arrived, ended_s=ended)

@@ -245,9 +245,9 @@ def _open(picture: Picture, alarms: Sequence[Alarm]) -> Iterator[str]:
     tracks = sorted(picture.tracks.values(), key=lambda track: (track.distance_m, track.id))
     for track in tracks[:MOST_NAMED]:
         age = f", last seen {picture.time_s - track.stamp_s:.0f} s ago" if track.stale else ""
-        known = f"identity {track.identity}, intent {track.intent}"
+        identity = f"identity {track.identity}, intent {track.intent}"
         dispute = f", {track.dispute}" if track.dispute else ""
-        yield f"Open track: {track.id} at {track.gate}, {known}{dispute}{age}"
+        yield f"Open track: {track.id} at {track.gate}, {identity}{dispute}{age}"
     if len(tracks) > MOST_NAMED:
         yield f"Open tracks beside these: {len(tracks) - MOST_NAMED}"
     if alarms:

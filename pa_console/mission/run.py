@@ -176,7 +176,7 @@ class MissionRun:
             if outcome is None:
                 await self._await_assets()
                 if self._services.variant.workflows:
-                    self._tell(self._progress.begin(self._now()))
+                    self._emit_workflow(self._progress.begin(self._now()))
                 outcome = await self._plan_after_plan()
         self.close(outcome)
 
@@ -246,9 +246,9 @@ class MissionRun:
         if not (late := picture.not_ready):
             return {}
         mentions = find_mentions(world, link_names(world, self.mission.text), picture.tracks)
-        named = {one.means for one in mentions if one.sort == "asset"}
-        every = any(one.sort == "number" and one.means == "all" for one in mentions)
-        kinds = {one.means for one in mentions if one.sort == "kind"} or {*PLAIN_KINDS}
+        named = {mention.means for mention in mentions if mention.sort == "asset"}
+        every = any(mention.sort == "number" and mention.means == "all" for mention in mentions)
+        kinds = {mention.means for mention in mentions if mention.sort == "kind"} or {*PLAIN_KINDS}
         needed = {name for name in late if name in named}
         teams = [] if named else [kinds] if len(kinds) == len(PLAIN_KINDS) else [{k} for k in kinds]
         for team in teams:
@@ -260,20 +260,20 @@ class MissionRun:
     def _notice(self, text: str) -> None:
         self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
 
-    def _answered(self, asked: NotUnderstood, answer: str) -> None:
+    def _answered(self, question: NotUnderstood, answer: str) -> None:
         """Add an answer to the order, for its unclear words or for all of them.
 
         An answer that names nothing changes nothing, so the question is asked once more.
         """
         mission, services = self.mission, self._services
         scene = services.scene
-        meant = chosen(scene, answer, asked.choices) or read_words(
+        meaning = chosen(scene, answer, question.choices) or read_words(
             answer, scene.world, services.rulebook
         )
-        words = {"text": meant[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
-        if asked.said:
-            if meant in asked.choices or names_something(scene, meant):
-                self._answers[asked.said] = meant
+        words = {"text": meaning[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
+        if question.said:
+            if meaning in question.choices or names_something(scene, meaning):
+                self._answers[question.said] = meaning
             words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
         else:
             self._answers.clear()
@@ -330,7 +330,7 @@ class MissionRun:
         for finding in self._monitor.observe(now):
             if halting and halts(finding, self._services.rulebook):
                 self._execution.breach(f"{finding.rule_id}: {finding.message}")
-        self._tell(self._progress.observe(now))
+        self._emit_workflow(self._progress.observe(now))
 
     def halt(self) -> tuple[DeviceCommand, ...]:
         """Halt the running plan; return the commands that bring its agents to a safe state."""
@@ -395,12 +395,12 @@ class MissionRun:
             planned = planned if judged else await judge(context, planned)
             if self.mission.standing and says_plainly(retrieved.task.text, planned.best.asked):
                 planned = replace(planned, by_grammar=True)
-            if (asked := self._open_question(planned)) is not None:
-                return asked
+            if (question := self._open_question(planned)) is not None:
+                return question
             was_blocked = planned.best.examination.blocked
             self._waiting = waiting = WaitingPlan(context, retrieved.task, planned.best)
             decided = await waiting.decided(planned, self._readings, self._station.decide)
-            planned = examined_again(planned, waiting.found)
+            planned = examined_again(planned, waiting.examination)
             shown = planned.best
             if isinstance(decided, Examination):
                 fresh = decided
@@ -507,8 +507,10 @@ class MissionRun:
             self.moving = False
         if services.variant.judging:
             picture, selection = services.fleet.picture(), approved.planned.answered.selection
-            said = shown.verdict.feedback if shown.verdict is not None else ""
-            case = OutcomeCase(task, executed.before, picture, selection, plan_, verification, said)
+            feedback = shown.verdict.feedback if shown.verdict is not None else ""
+            case = OutcomeCase(
+                task, executed.before, picture, selection, plan_, verification, feedback
+            )
             self._station.verdicts.ask(self._context, shown.attempt, case)
         return ()
 
@@ -528,7 +530,7 @@ class MissionRun:
             if (ended := await steps.run()) is not None:
                 return ended
             if self._services.variant.workflows:
-                self._tell(self._progress.join(shown.examination.plan, self._now()))
+                self._emit_workflow(self._progress.join(shown.examination.plan, self._now()))
                 await self._watch_outcome(phase, task)
         finally:
             self._done += _orders_done(approved.planned, steps.done)
@@ -541,7 +543,7 @@ class MissionRun:
         If the watch is interrupted, an event reports that there is no verdict.
         """
         try:
-            self._tell(self._progress.join(shown.examination.plan, self._now()))
+            self._emit_workflow(self._progress.join(shown.examination.plan, self._now()))
             await self._watch_outcome(phase, task)
         except BaseException:
             if self._services.variant.judging:
@@ -569,7 +571,7 @@ class MissionRun:
     def _now(self) -> Moment:
         return moment(self._services.fleet.picture(), self._services.fleet.world, ())
 
-    def _tell(self, moves: Iterable[ev.WorkflowMoved]) -> None:
+    def _emit_workflow(self, moves: Iterable[ev.WorkflowMoved]) -> None:
         for move in moves:
             self._facts.moved(move, self._services.fleet.time_s)
             self._emit(move)
@@ -577,5 +579,5 @@ class MissionRun:
 
 def _orders_done(planned: PlanForDecision, steps: int) -> int:
     """Return how many steps of an order are done with the first `steps` steps of its plan."""
-    counts = accumulate(len(each.best.examination.plan.steps) for each in planned.steps)
+    counts = accumulate(len(step.best.examination.plan.steps) for step in planned.steps)
     return sum(count <= steps for count in counts) if planned.steps else steps

@@ -220,10 +220,10 @@ def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
 
     The words of a place may be typed as one: `stonegate`.
     """
-    said = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
-    said += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
-    said += [f"{word.lower()}s" for name in assets for word in WORD.findall(name)]
-    counts = Counter(word for word in said if len(word) > SHORT - 1 and word.isalpha())
+    words = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
+    words += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
+    words += [f"{word.lower()}s" for name in assets for word in WORD.findall(name)]
+    counts = Counter(word for word in words if len(word) > SHORT - 1 and word.isalpha())
     return NameWords(tuple(counts), tuple(counts.values()))
 
 
@@ -260,8 +260,8 @@ class _UnknownWords(NamedTuple):
     @property
     def strange(self) -> tuple[str, ...]:
         """The words that are not English, those with the largest weight first."""
-        found = sorted((word for word in self.words if word[1]), key=lambda word: -word[1])
-        return tuple(dict.fromkeys(word for word, _ in found))
+        strangest = sorted((word for word in self.words if word[1]), key=lambda word: -word[1])
+        return tuple(dict.fromkeys(word for word, _ in strangest))
 
     @property
     def strangest_run(self) -> "_UnknownWords":
@@ -277,17 +277,17 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
     `typed` is the original text, `read` the corrected one. A text with a question may not move any
     asset.
     """
-    known = _words(typed, world, rulebook)
-    if not known.words and not find_mentions(world, typed):
+    unknown = _words(typed, world, rulebook)
+    if not unknown.words and not find_mentions(world, typed):
         return "there are no words in it. What is to be done, by whom and where?"
-    run = known.strangest_run
+    run = unknown.strangest_run
     hidden = len(run.words) == _RUN and run.share >= _HIDDEN
-    if hidden or known.share >= _MOST_STRANGE:
-        strange = ", ".join(known.strange)
+    if hidden or unknown.share >= _MOST_STRANGE:
+        strange = ", ".join(unknown.strange)
         return f"not known in English: {strange}. What is to be done, in English?"
     shown = compatible_form(_without_names(typed, world))
-    if (found := _ENCODED.search(shown)) is not None:
-        return f"nobody can read {found[0][:20]}... in it. What is to be done, in words?"
+    if (encoded := _ENCODED.search(shown)) is not None:
+        return f"nobody can read {encoded[0][:20]}... in it. What is to be done, in words?"
     words = plain_words(typed)
     if any(_DECODE.search(reading) for reading in (words, *foldings(words))):
         return "a part of it has to be decoded. What is to be done, in words?"
@@ -300,19 +300,19 @@ def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> st
 
 def _words(text: str, world: World, rulebook: Rulebook) -> _UnknownWords:
     dictionary, names = english(), name_words(world)
-    known, found = rule_words(rulebook).union(names.words), list[tuple[str, float]]()
+    known_words, weighted = rule_words(rulebook).union(names.words), list[tuple[str, float]]()
     for word in _WORD.findall(_CALL_SIGN.sub(" ", _without_names(text, world))):
         low = word.lower().replace("’", "'")
         base, strange = _ENDING.sub("", low), 0.0
-        if dictionary.is_operators(base) or base in known:
+        if dictionary.is_operators(base) or base in known_words:
             pass
         elif low in _OTHER_LANGUAGES:
             strange = 1.0
         elif not (base in _ALPHABET or dictionary.is_common(base) or dictionary.is_common(low)):
             near = len(base) >= SHORT and base.isascii() and dictionary.is_near(base, names)
             strange = _SLIP_WEIGHT if near else 1.0
-        found.append((word, strange))
-    return _UnknownWords(tuple(found))
+        weighted.append((word, strange))
+    return _UnknownWords(tuple(weighted))
 
 
 def _without_names(text: str, world: World) -> str:
@@ -347,19 +347,19 @@ def read_words(text: str, world: World, rulebook: Rulebook) -> str:
 def respell(text: str, world: World, rulebook: Rulebook) -> str:
     """Return `text` with its misspelt words corrected; a text in another language is unchanged."""
     dictionary, names = english(), name_words(world)
-    known = rule_words(rulebook).union(names.words)
+    known_words = rule_words(rulebook).union(names.words)
     shouted = text.isupper()
-    found = [match for match in _TYPED.finditer(text) if shouted or not match[0].isupper()]
+    typed = [match for match in _TYPED.finditer(text) if shouted or not match[0].isupper()]
     unknown = [
         match
-        for match in found
-        if not (match[0].lower() in known or match[0].lower() in dictionary)
+        for match in typed
+        if not (match[0].lower() in known_words or match[0].lower() in dictionary)
     ]
-    meant = [_meant(match, names, dictionary) for match in unknown]
-    if meant.count(None) > max(_FOREIGN * len(meant), 1):
+    corrections = [_correction(match, names, dictionary) for match in unknown]
+    if corrections.count(None) > max(_FOREIGN * len(corrections), 1):
         return text
     parts, done = list[str](), 0
-    for match, word in zip(unknown, meant, strict=True):
+    for match, word in zip(unknown, corrections, strict=True):
         parts += [text[done : match.start()], word or match[0]]
         done = match.end()
     return "".join((*parts, text[done:]))
@@ -370,7 +370,7 @@ def prepare() -> None:
     english()
 
 
-def _meant(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
+def _correction(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
     """Return the intended word for `typed`, in the same case; None if no word is near."""
     word = typed[0]
     before = typed.string[: typed.start()].rstrip(" \"'(")

@@ -78,8 +78,8 @@ class Understood:
     @property
     def described(self) -> tuple[str, tuple[str, ...]]:
         """The words that describe an asset, and the assets that they may mean."""
-        asked = self.unsettled
-        return (asked.said, asked.choices) if asked is not None else ("", ())
+        question = self.unsettled
+        return (question.said, question.choices) if question is not None else ("", ())
 
 
 @dataclass(frozen=True)
@@ -149,10 +149,10 @@ def _no_order(context: MissionContext) -> NoOrder | None:
     mission, scene = context.mission, _scene(context)
     if mission.source == "standing" or mission.proposed is not None:
         return None
-    found = no_order(scene.world, mission.text)
-    if found is not None and found.kind == "waiting" and read_standing(scene, mission.text):
+    sign = no_order(scene.world, mission.text)
+    if sign is not None and sign.kind == "waiting" and read_standing(scene, mission.text):
         return None
-    return found
+    return sign
 
 
 def _ban(context: MissionContext) -> StandingOffer | None:
@@ -163,14 +163,14 @@ def _ban(context: MissionContext) -> StandingOffer | None:
     ban = lasting_ban(services.fleet.world, mission.text)
     if ban is None:
         return None
-    who = listed(ban.assets) if ban.assets else "any asset"
-    where = f"to {listed(ban.places)}" if ban.places else "anywhere"
+    assets = listed(ban.assets) if ban.assets else "any asset"
+    destination = f"to {listed(ban.places)}" if ban.places else "anywhere"
     order = StandingOrder(
         id=services.standing.new_id(),
         text=mission.said,
         ban=ban,
         words="from its approval on",
-        order=f"no plan sends {who} {where}",
+        order=f"no plan sends {assets} {destination}",
     )
     return StandingOffer(StandingBan(order))
 
@@ -184,16 +184,16 @@ def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
     if mission.proposed is not None:
         return None
     limits = context.services.standing.limits.patrols
-    found = read_steps(scene, mission.text) or read_patrol(scene, mission.text, limits)
-    match found:
+    sequence = read_steps(scene, mission.text) or read_patrol(scene, mission.text, limits)
+    match sequence:
         case None:
             return None
-        case Unclear(said, question, choices):
-            return NotUnderstood(question, said, choices)
+        case Unclear(words, question, choices):
+            return NotUnderstood(question, words, choices)
         case ReadSteps(steps):
             return Understood(mission, steps=steps)
         case Patrol():
-            return Understood(mission, patrol=found)
+            return Understood(mission, patrol=sequence)
 
 
 def _is_for_later(context: MissionContext) -> bool:
@@ -213,20 +213,20 @@ async def _standing(
     words refuse, cannot be a standing order either.
     """
     services, mission = context.services, context.mission
-    found = read_standing(services.scene, mission.text)
-    if found is None:
+    standing = read_standing(services.scene, mission.text)
+    if standing is None:
         return None
-    if isinstance(found, Unclear):
-        return NotUnderstood(found.question)
+    if isinstance(standing, Unclear):
+        return NotUnderstood(standing.question)
     order = StandingOrder(
         id=services.standing.new_id(),
         text=mission.said,
-        each=found.condition.each,
-        condition=found.condition.cel,
-        words=found.condition.words,
-        order=found.order,
-        unasked=found.unasked,
-        most_an_hour=found.most_an_hour,
+        each=standing.condition.each,
+        condition=standing.condition.cel,
+        words=standing.condition.words,
+        order=standing.order,
+        unasked=standing.unasked,
+        most_an_hour=standing.most_an_hour,
     )
     world, picture = services.fleet.world, services.fleet.picture()
     try:
@@ -235,10 +235,12 @@ async def _standing(
     except ValueError as error:
         return NotUnderstood(f"its condition cannot be used: {error}")
     subject = example_subject(order, picture)
-    typed = found if mission.said == mission.text else read_standing(services.scene, mission.said)
-    said = found.order if isinstance(typed, Unclear) or typed is None else typed.order
-    given = order.model_copy(update={"order": said}).order_for(*subject)
-    words = {"text": order.order_for(*subject), "typed": given}
+    typed = (
+        standing if mission.said == mission.text else read_standing(services.scene, mission.said)
+    )
+    order_typed = standing.order if isinstance(typed, Unclear) or typed is None else typed.order
+    example = order.model_copy(update={"order": order_typed}).order_for(*subject)
+    words = {"text": order.order_for(*subject), "typed": example}
     sample = mission.model_copy(update=words)
     if refused := await _refused(context, sample):
         return refused
@@ -259,32 +261,32 @@ async def _timed(
     services, mission = context.services, context.mission
     standing, now = services.standing, services.standing.time.now
     text, unasked = asks_nobody(mission.text)
-    found = read_timed(services.fleet.world, text, now, answers, standing.limits.shortest_s)
-    if found is None:
+    timed = read_timed(services.fleet.world, text, now, answers, standing.limits.shortest_s)
+    if timed is None:
         return None
-    if isinstance(found, Unclear):
-        return NotUnderstood(found.question, found.said, found.choices)
-    if problem := _time_of_a_step(_scene(context), mission.text, found.order, now):
+    if isinstance(timed, Unclear):
+        return NotUnderstood(timed.question, timed.said, timed.choices)
+    if problem := _time_of_a_step(_scene(context), mission.text, timed.order, now):
         return NotUnderstood(problem)
-    sample = mission.model_copy(update={"text": found.order, "typed": ""})
+    sample = mission.model_copy(update={"text": timed.order, "typed": ""})
     if refused := await _refused(context, sample):
         return refused
     trial = replace(context, mission=sample)
     read = _in_steps(trial) or await asyncio.to_thread(_read, trial, answers)
     if isinstance(read, Understood) and read.patrol is not None:
-        read = _timed_patrol(_scene(context), found.schedule, read, read.patrol)
+        read = _timed_patrol(_scene(context), timed.schedule, read, read.patrol)
     if isinstance(read, NotUnderstood):
         if read.said:
             return read
         whole = "Say the whole order anew, with its time."
         return NotUnderstood(f"what it orders is not understood: {read.question} {whole}")
-    leans = read.undoes or any(one.said.lower() in LEANING for one in read.references)
+    leans = read.undoes or any(reference.said.lower() in LEANING for reference in read.references)
     order = StandingOrder(
         id=standing.new_id(),
         text=mission.said,
-        schedule=found.schedule,
-        words=schedule_words(found.schedule, now),
-        order=read.mission.text if leans else found.order,
+        schedule=timed.schedule,
+        words=schedule_words(timed.schedule, now),
+        order=read.mission.text if leans else timed.order,
         unasked=unasked,
     )
     return StandingOffer(Agenda(order), (StandingStart(order=read.mission.text),))
@@ -297,8 +299,8 @@ def _timed_patrol(
     takes_s = least_s(patrol, scene)
     if 0.0 < schedule.every_s < takes_s:
         every, least = duration_words(schedule.every_s), duration_words(round(takes_s))
-        told = f"every {every} is too often: the patrol takes at least {least}."
-        return NotUnderstood(f"{told} How often, or over fewer places?")
+        problem = f"every {every} is too often: the patrol takes at least {least}."
+        return NotUnderstood(f"{problem} How often, or over fewer places?")
     if schedule.stays:
         return NotUnderstood("a patrol ends after its laps, not after a time. How many laps?")
     return read
@@ -319,23 +321,23 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     """Return the mission with names in place of references, or a question about its words."""
     services, mission = context.services, context.mission
     world, rules = services.fleet.world, services.rulebook
-    found = resolve(_scene(context), mission.text, answers)
-    text = found.text if isinstance(found, ResolvedOrder) else mission.text
-    if isinstance(found, Unclear) and found.choices:
+    resolved = resolve(_scene(context), mission.text, answers)
+    text = resolved.text if isinstance(resolved, ResolvedOrder) else mission.text
+    if isinstance(resolved, Unclear) and resolved.choices:
         # Before it is resolved, *Send it home* would name nothing of this site.
-        text = with_answers(text, {found.said: found.choices[0]})
+        text = with_answers(text, {resolved.said: resolved.choices[0]})
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
     for words in dict.fromkeys((mission.text, text)):
         if (excluded := contradiction(world, words)) is not None:
             return NotUnderstood(excluded.question)
-    if isinstance(found, Unclear):
-        return NotUnderstood(found.question, found.said, found.choices, found.describes)
-    if found.text == mission.text or len(found.text) > MAX_MISSION_TEXT:
+    if isinstance(resolved, Unclear):
+        return NotUnderstood(resolved.question, resolved.said, resolved.choices, resolved.describes)
+    if resolved.text == mission.text or len(resolved.text) > MAX_MISSION_TEXT:
         return Understood(mission)
-    references = tuple(ev.Reference(said=said, means=means) for said, means in found.meant)
-    read = mission.model_copy(update={"text": found.text, "typed": mission.said})
-    return Understood(read, references, found.undoes, found.corrects)
+    references = tuple(ev.Reference(said=phrase, means=means) for phrase, means in resolved.meant)
+    read = mission.model_copy(update={"text": resolved.text, "typed": mission.said})
+    return Understood(read, references, resolved.undoes, resolved.corrects)
 
 
 def _scene(context: MissionContext) -> ReferenceScene:

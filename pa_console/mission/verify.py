@@ -164,17 +164,17 @@ def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> 
 
 def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclusion:
     """Verify one action by telemetry alone; the asset's report is fresh and plausible."""
-    where = asset.at or "between frames"
+    place = asset.at or "between frames"
     stamp_s = asset.stamp_s
     if asset.status == "failed":
-        return _Conclusion("fail", f"it has failed, {where}", stamp_s)
+        return _Conclusion("fail", f"it has failed, {place}", stamp_s)
     match action.verb:
         case "hold":
             still = asset.speed_mps < STILL_MPS
-            outcome, reason = ("pass", f"still at {where}") if still else ("fail", "still moving")
+            outcome, reason = ("pass", f"still at {place}") if still else ("fail", "still moving")
             return _Conclusion(outcome, reason, stamp_s)
         case "report":
-            return _Conclusion("pass", f"report received, at {where}", stamp_s)
+            return _Conclusion("pass", f"report received, at {place}", stamp_s)
         case "identify" | "warn":
             seen = _tracks(action, evidence)
             stamps = [s for s in (seen.stamp_s, stamp_s) if s is not None]
@@ -182,10 +182,10 @@ def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclu
         case "move_to" | "observe" | "block" | "return_to_base":
             target = action.target or evidence.world.base
     if asset.at != target:
-        return _Conclusion("fail", f"it is at {where}", stamp_s)
+        return _Conclusion("fail", f"it is at {place}", stamp_s)
     if asset.post != target:
         heading = asset.post or "elsewhere"
-        return _Conclusion("fail", f"it is at {where} on its way to {heading}", stamp_s)
+        return _Conclusion("fail", f"it is at {place} on its way to {heading}", stamp_s)
     return _Conclusion("pass", f"at {target}", stamp_s)
 
 
@@ -249,9 +249,9 @@ def ask_about_outcome(
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, executed=True)
 
-    asked, compared, _ = case.said.partition(PLANNED)
-    if compared and read_asked(asked) is not None:
-        return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{asked}{PLANNED}'))
+    reading, compared, _ = case.said.partition(PLANNED)
+    if compared and read_asked(reading) is not None:
+        return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{reading}{PLANNED}'))
     return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
 
 
@@ -305,11 +305,11 @@ class OutcomeVerdicts:
         """
         async with self._turn:
             while self._waiting:
-                asked = self._waiting[0]
-                told = await _verdict_on(asked)
-                if told.error == CANCELLED:
+                outstanding = self._waiting[0]
+                verdict = await _verdict_on(outstanding)
+                if verdict.error == CANCELLED:
                     return False
-                self._tell(told)
+                self._tell(verdict)
             return True
 
     def give_up(self, reason: str) -> None:
@@ -317,27 +317,30 @@ class OutcomeVerdicts:
         while self._waiting:
             self._tell(unjudged(self._waiting[0].attempt, reason))
 
-    def _tell(self, told: ev.OutcomeJudged) -> None:
+    def _tell(self, verdict: ev.OutcomeJudged) -> None:
         """Emit the oldest outstanding verdict and remove it from the queue."""
-        self._waiting.popleft().context.emit(told)
+        self._waiting.popleft().context.emit(verdict)
         if not self._waiting:
             self.all_told.set()
 
 
-async def _verdict_on(asked: _Verification) -> ev.OutcomeJudged:
+async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:
     """Return the requested verdict, or the reason why there is none."""
-    services = asked.context.services
+    services = outstanding.context.services
 
     async def ask(model: RoleModel) -> Judgement:
-        question = ask_about_outcome(model.prompt_format, services.fleet.world, asked.case)
+        question = ask_about_outcome(model.prompt_format, services.fleet.world, outstanding.case)
         return await model.judge.judge(question)
 
     try:
-        found = await first_answer(services.judges, ask, asked.context.turn_to_own)
+        judgement = await first_answer(services.judges, ask, outstanding.context.turn_to_own)
     except Exception as error:  # a defect must not end the session
-        return unjudged(asked.attempt, f"internal error: {type(error).__name__}: {error}")
+        return unjudged(outstanding.attempt, f"internal error: {type(error).__name__}: {error}")
     return ev.OutcomeJudged(
-        attempt=asked.attempt, verdict=found.verdict, error=found.error, usage=found.usage
+        attempt=outstanding.attempt,
+        verdict=judgement.verdict,
+        error=judgement.error,
+        usage=judgement.usage,
     )
 
 

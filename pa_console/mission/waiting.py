@@ -27,9 +27,9 @@ young and of an old plan."""
 class _PlanChangedError(Exception):
     """A change of the broken rules of the waiting plan."""
 
-    def __init__(self, found: Examination) -> None:
-        super().__init__("; ".join(found.broken))
-        self.found = found
+    def __init__(self, examination: Examination) -> None:
+        super().__init__("; ".join(examination.broken))
+        self.examination = examination
 
 
 class WaitingPlan:
@@ -38,12 +38,12 @@ class WaitingPlan:
     def __init__(self, context: MissionContext, task: Mission, shown: Candidate) -> None:
         """Wait with the plan of `shown` for `task`."""
         self._context, self._task, self._shown = context, task, shown
-        self.found = shown.examination
+        self.examination = shown.examination
         """The last examination of the plan."""
-        rehearsal = self.found.rehearsal
-        self._known = rehearsal.before if rehearsal else context.services.fleet.picture()
+        rehearsal = self.examination.rehearsal
+        self._examined_picture = rehearsal.before if rehearsal else context.services.fleet.picture()
         """The picture at the start of the last examination."""
-        self._since_s = self._known.time_s
+        self._since_s = self._examined_picture.time_s
         self._due = asyncio.Event()
 
     def see(self, picture: Picture) -> None:
@@ -53,10 +53,10 @@ class WaitingPlan:
 
     def _sudden(self, picture: Picture) -> bool:
         """Return whether a gate, a track, the weather or the state of an agent has changed."""
-        if picture.time_s - self._known.time_s < AT_ONCE_S:
+        if picture.time_s - self._examined_picture.time_s < AT_ONCE_S:
             return False
-        plan = self.found.plan
-        return _stands_on(plan, picture) != _stands_on(plan, self._known)
+        plan = self.examination.plan
+        return _stands_on(plan, picture) != _stands_on(plan, self._examined_picture)
 
     def _drifted(self, picture: Picture) -> bool:
         """Return whether an agent's charge or position has drifted from the rehearsed one.
@@ -64,11 +64,11 @@ class WaitingPlan:
         The longer a plan waits, the less often its drifts are rehearsed, because each rehearsal is
         logged.
         """
-        waited_s = self._known.time_s - self._since_s
-        if picture.time_s - self._known.time_s < min(LEAST_S + waited_s / 10, MOST_S):
+        waited_s = self._examined_picture.time_s - self._since_s
+        if picture.time_s - self._examined_picture.time_s < min(LEAST_S + waited_s / 10, MOST_S):
             return False
-        for name in set(self.found.plan.agents):
-            now, then = picture.assets.get(name), self._known.assets.get(name)
+        for name in set(self.examination.plan.agents):
+            now, then = picture.assets.get(name), self._examined_picture.assets.get(name)
             if now is None or then is None:
                 continue
             if abs(now.battery_pct - then.battery_pct) >= DRIFT_PCT:
@@ -84,7 +84,7 @@ class WaitingPlan:
         try:
             return await decide(self._context, planned, before, lambda: self._answered(answer))
         except _PlanChangedError as changed:
-            return changed.found
+            return changed.examination
 
     async def _answered(self, answer: Decide) -> Decision:
         """Return the operator's answer; raises _PlanChangedError if the broken rules change."""
@@ -104,37 +104,41 @@ class WaitingPlan:
         """Keep the rehearsal up to date; return the examination once the broken rules change."""
         while True:
             await self._due.wait()
-            was = self.found
-            self._known = self._context.services.fleet.picture()
+            earlier = self.examination
+            self._examined_picture = self._context.services.fleet.picture()
             self._due.clear()
-            self.found = found = await safeguards(self._context, self._task, was.plan)
-            self._tell(found, same=_statuses(was.findings) == _statuses(found.findings))
-            if _broken(was.findings) != _broken(found.findings):
-                return found
+            self.examination = newer = await safeguards(self._context, self._task, earlier.plan)
+            self._emit_examination(
+                newer, same=_statuses(earlier.findings) == _statuses(newer.findings)
+            )
+            if _broken(earlier.findings) != _broken(newer.findings):
+                return newer
 
-    def _tell(self, found: Examination, *, same: bool) -> None:
+    def _emit_examination(self, examination: Examination, *, same: bool) -> None:
         attempt, shown, emit = self._shown.attempt, self._shown, self._context.emit
-        if found.rehearsal is not None:
+        if examination.rehearsal is not None:
             emit(
                 ev.PlanRehearsed(
-                    attempt=attempt, rehearsal=found.rehearsal, seconds=found.rehearsal_s
+                    attempt=attempt,
+                    rehearsal=examination.rehearsal,
+                    seconds=examination.rehearsal_s,
                 )
             )
         if not same:
             emit(
                 ev.PlanChecked(
                     attempt=attempt,
-                    findings=found.findings,
-                    seconds=found.checks_s,
+                    findings=examination.findings,
+                    seconds=examination.checks_s,
                     unmet=shown.unmet,
                     gaps=shown.mentions.gaps,
                 )
             )
 
 
-def examined_again(planned: PlanForDecision, found: Examination) -> PlanForDecision:
+def examined_again(planned: PlanForDecision, examination: Examination) -> PlanForDecision:
     """Return `planned` with a newer examination of its plan."""
-    return replace(planned, best=replace(planned.best, examination=found))
+    return replace(planned, best=replace(planned.best, examination=examination))
 
 
 def _stands_on(plan: Plan, picture: Picture) -> tuple[object, ...]:

@@ -155,9 +155,9 @@ class Dispatch:
     def _seconds(self, since: int, tick: int) -> float:
         return (tick - since) * self._dt_s
 
-    def _give_up(self, entry: _OpenCommand, tick: int, what: str) -> CommandReply:
+    def _give_up(self, entry: _OpenCommand, tick: int, problem: str) -> CommandReply:
         sent = f", sent {entry.times + 1} times" if entry.heard is None and entry.times else ""
-        return self._note(_failed(entry, tick, f"{TIMED_OUT}: {what}{sent}"))
+        return self._note(_failed(entry, tick, f"{TIMED_OUT}: {problem}{sent}"))
 
     def _note(self, reply: CommandReply) -> CommandReply:
         if reply.status in FINAL_REPLIES:

@@ -83,8 +83,8 @@ class ManualControl:
         A mission needs the `agents` that its plan ordered and the assets that its text names.
         Alarms and standing orders start their missions again themselves.
         """
-        given = mission.source in ("operator", "agent")
-        if status not in UNFINISHED or not given or not self.assets:
+        is_order = mission.source in ("operator", "agent")
+        if status not in UNFINISHED or not is_order or not self.assets:
             return ()
         needed = self.assets.intersection((*agents, *named(self._world.assets, mission.text)))
         if needed:
@@ -98,9 +98,9 @@ class ManualControl:
 
     def come_back(self) -> list[AwaitingMission]:
         """Remove and return the missions whose assets are all back, in the order of their ends."""
-        back = [each for each in self._awaiting.values() if not each.assets & self.assets]
-        for each in back:
-            del self._awaiting[each.mission.id]
+        back = [mission for mission in self._awaiting.values() if not mission.assets & self.assets]
+        for mission in back:
+            del self._awaiting[mission.mission.id]
         return back
 
     def forget(self) -> None:

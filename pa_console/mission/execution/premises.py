@@ -121,12 +121,12 @@ def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple
 
     `before` has the picture at the start of each rehearsed step; agents of later steps hold.
     """
-    found = [Action(agent=action.agent, command="hold") for action in plan.actions]
+    to_safety = [Action(agent=action.agent, command="hold") for action in plan.actions]
     for numbers, picture in zip(plan.steps, before, strict=False):
         ways = way_to_safety(plan.part(numbers), world, picture)
         for number, way in zip(numbers, ways, strict=True):
-            found[number - 1] = way
-    return tuple(found)
+            to_safety[number - 1] = way
+    return tuple(to_safety)
 
 
 def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:

@@ -61,7 +61,7 @@ class Ended:
     order: StandingOrder
 
 
-Found = Due | Withheld | Ended | StandingOrderScheduled
+StandingResult = Due | Withheld | Ended | StandingOrderScheduled
 """The results of `StandingOrders.look`, for the station to act on and to emit."""
 
 
@@ -159,8 +159,12 @@ class StandingOrders:
             return f"its moment, {order.words}, has passed: it is {self.time.now:%H:%M:%S}"
         if len(self._in_force) >= MOST_ORDERS:
             return f"{MOST_ORDERS} standing orders are in force: revoke one first"
-        same = (each.id for each in self.orders if _says(each) == _says(order))
-        return f"{known} says the same and is in force" if (known := next(same, "")) else ""
+        same = (
+            order_in_force.id
+            for order_in_force in self.orders
+            if _content(order_in_force) == _content(order)
+        )
+        return f"{existing} says the same and is in force" if (existing := next(same, "")) else ""
 
     def approve(self, trigger: Trigger) -> StandingOrder:
         """Put an approved order in force and return it; raises ValueError if it cannot be."""
@@ -176,12 +180,12 @@ class StandingOrders:
 
     def revoke(self, order_id: str) -> StandingOrder:
         """Revoke a standing order and return it; raises ValueError if it is not in force."""
-        self._known(order_id)
+        self._entry(order_id)
         return self._in_force.pop(order_id).order
 
     def pause(self, order_id: str, *, paused: bool) -> None:
         """Pause or resume an order; raises ValueError if that changes nothing."""
-        entry = self._known(order_id)
+        entry = self._entry(order_id)
         if entry.paused == paused:
             raise ValueError(f"{order_id} {'is paused already' if paused else 'is not paused'}")
         entry.paused = paused
@@ -190,7 +194,7 @@ class StandingOrders:
 
     def skip(self, order_id: str) -> datetime:
         """Skip the next moment of an order and return it; raises ValueError if it has none."""
-        entry = self._known(order_id)
+        entry = self._entry(order_id)
         if not isinstance(entry.trigger, Agenda):
             raise ValueError(f"{order_id} waits for a state, not for a moment: nothing to skip")
         return entry.trigger.skip()
@@ -199,21 +203,21 @@ class StandingOrders:
         self, order_id: str, change: Literal["paused", "resumed", "skipped"], by: str, time_s: float
     ) -> StandingOrderScheduled:
         """Return the next moment of an order that `by` has changed at `time_s` of the fleet."""
-        entry = self._known(order_id)
+        entry = self._entry(order_id)
         entry.told = self._following(entry, time_s)
         return entry.told.model_copy(update={"change": change, "by": by})
 
-    def _known(self, order_id: str) -> _InForce:
+    def _entry(self, order_id: str) -> _InForce:
         if order_id not in self._in_force:
-            known = ", ".join(self._in_force) or "none"
-            raise ValueError(f"no standing order {order_id!r} is in force; in force: {known}")
+            in_force = ", ".join(self._in_force) or "none"
+            raise ValueError(f"no standing order {order_id!r} is in force; in force: {in_force}")
         return self._in_force[order_id]
 
     # The missions that they start
 
     def look(
         self, picture: Picture, busy: Collection[str] = (), *, stopped: bool = False
-    ) -> list[Found]:
+    ) -> list[StandingResult]:
         """Process a new picture; return the missions to start and those withheld, with the reasons.
 
         Each mission that is returned counts as started. No mission starts about a subject in
@@ -222,28 +226,28 @@ class StandingOrders:
         either.
         """
         self._forget(picture.time_s)
-        found: list[Found] = []
+        results: list[StandingResult] = []
         for entry in list(self._in_force.values()):
             if isinstance(entry.trigger, Agenda):
-                found += self._keep(entry, entry.trigger, picture.time_s, stopped=stopped)
+                results += self._keep(entry, entry.trigger, picture.time_s, stopped=stopped)
                 continue
             if isinstance(entry.trigger, StandingBan):
                 continue
             condition = entry.trigger
-            taken = {*busy, *(each.subject for each in found if isinstance(each, Due))}
+            taken = {*busy, *(result.subject for result in results if isinstance(result, Due))}
             try:
                 holding = condition.holding(picture)
             except Exception as error:  # any error of CEL: nothing is decided
-                found += self._undecided(entry, f"{type(error).__name__}: {error}")
+                results += self._undecided(entry, f"{type(error).__name__}: {error}")
                 continue
             entry.problem = ""
             held_back = stopped or entry.paused
-            found += self._watch(entry, holding, picture, taken, stopped=held_back)
-        return found
+            results += self._watch(entry, holding, picture, taken, stopped=held_back)
+        return results
 
     def _keep(
         self, entry: _InForce, agenda: Agenda, time_s: float, *, stopped: bool
-    ) -> Iterator[Found]:
+    ) -> Iterator[StandingResult]:
         """Take the moments of an order that have come; yield its next moment if it has changed."""
         now = self.time.now
         for moment in agenda.look(now, self.limits.grace_s, stopped=stopped):
@@ -256,8 +260,12 @@ class StandingOrders:
             del self._in_force[entry.order.id]
             yield Ended(entry.order)
             return
-        following, told = self._following(entry, time_s), entry.told
-        if told is None or told.moment != following.moment or _apart(told.at_s, following.at_s):
+        following, emitted = self._following(entry, time_s), entry.told
+        if (
+            emitted is None
+            or emitted.moment != following.moment
+            or _apart(emitted.at_s, following.at_s)
+        ):
             entry.told = following
             yield following
 
@@ -305,8 +313,8 @@ class StandingOrders:
             return None
         own.ended_s = time_s
         order, agenda = self.find(own.order), self._agenda(own.order)
-        told = agenda.ended(mission, own.moves, base, self.time.now) if agenda is not None else ""
-        return (order, told) if order is not None else None
+        remark = agenda.ended(mission, own.moves, base, self.time.now) if agenda is not None else ""
+        return (order, remark) if order is not None else None
 
     def _agenda(self, order_id: str) -> Agenda | None:
         entry = self._in_force.get(order_id)
@@ -323,41 +331,43 @@ class StandingOrders:
         *,
         stopped: bool,
     ) -> list[Due | Withheld]:
-        now_s, found = picture.time_s, list[Due | Withheld]()
+        now_s, results = picture.time_s, list[Due | Withheld]()
         for subject, holds in holding.items():
-            known = entry.occurrences.get(subject)
+            occurrence = entry.occurrences.get(subject)
             if holds is None:
-                if known is not None:
-                    known.seen_s, known.handled = now_s, known.handled or stopped
+                if occurrence is not None:
+                    occurrence.seen_s, occurrence.handled = now_s, occurrence.handled or stopped
                 continue
-            if holds and known is None:
-                known = _Occurrence(now_s, now_s, effect_of=self._cause(subject))
-                entry.occurrences[subject] = known
-            if holds and known is not None:
-                known.seen_s = now_s
-                known.handled = known.handled or stopped
-                if not known.handled and now_s - known.since_s >= SETTLE_S:
-                    known.handled = True
-                    found.append(self._decide(entry, subject, known, picture, busy))
-        for subject, known in list(entry.occurrences.items()):
-            over = now_s - known.seen_s >= REST_S or not (known.handled or holding.get(subject))
-            if over and known.seen_s < now_s:
+            if holds and occurrence is None:
+                occurrence = _Occurrence(now_s, now_s, effect_of=self._cause(subject))
+                entry.occurrences[subject] = occurrence
+            if holds and occurrence is not None:
+                occurrence.seen_s = now_s
+                occurrence.handled = occurrence.handled or stopped
+                if not occurrence.handled and now_s - occurrence.since_s >= SETTLE_S:
+                    occurrence.handled = True
+                    results.append(self._decide(entry, subject, occurrence, picture, busy))
+        for subject, occurrence in list(entry.occurrences.items()):
+            over = now_s - occurrence.seen_s >= REST_S or not (
+                occurrence.handled or holding.get(subject)
+            )
+            if over and occurrence.seen_s < now_s:
                 del entry.occurrences[subject]
-        return found
+        return results
 
     def _decide(
         self,
         entry: _InForce,
         subject: str,
-        known: _Occurrence,
+        occurrence: _Occurrence,
         picture: Picture,
         busy: Collection[str],
     ) -> Due | Withheld:
         order, now_s = entry.order, picture.time_s
         while entry.starts_s and now_s - entry.starts_s[0] >= HOUR_S:
             entry.starts_s.popleft()
-        if known.effect_of:
-            why = f"{known.effect_of}, which a standing order started, has brought it about"
+        if occurrence.effect_of:
+            why = f"{occurrence.effect_of}, which a standing order started, has brought it about"
             return Withheld(order, subject, why)
         if subject in busy:
             return Withheld(order, subject, "another mission deals with it")
@@ -419,8 +429,8 @@ def starts_now(condition: StandingCondition, picture: Picture) -> tuple[Standing
         holding = condition.holding(picture)
     except Exception as error:
         raise ValueError(f"its condition cannot be looked up: {error}") from error
-    found = (start_for(condition.order, name, picture) for name, holds in holding.items() if holds)
-    return tuple(start for start in found if start is not None)
+    starts = (start_for(condition.order, name, picture) for name, holds in holding.items() if holds)
+    return tuple(start for start in starts if start is not None)
 
 
 def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
@@ -434,10 +444,10 @@ def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
     return place if place in picture.gates else ""
 
 
-def _apart(told_s: float | None, at_s: float | None) -> bool:
+def _apart(emitted_s: float | None, at_s: float | None) -> bool:
     """Return whether a countdown is wrong, because the clock has jumped."""
-    return told_s is not None and at_s is not None and abs(told_s - at_s) >= AGAIN_S
+    return emitted_s is not None and at_s is not None and abs(emitted_s - at_s) >= AGAIN_S
 
 
-def _says(order: StandingOrder) -> tuple[object, ...]:
+def _content(order: StandingOrder) -> tuple[object, ...]:
     return order.condition or order.schedule or order.ban, order.each, order.order

@@ -235,8 +235,8 @@ def _is_stranger(track: Track) -> bool:
 
 
 def _may_block(track: Track) -> bool:
-    known = track.identity == "unauthorized" and track.warned and track.intent == "hostile"
-    return known and not track.noncombatants
+    is_hostile = track.identity == "unauthorized" and track.warned and track.intent == "hostile"
+    return is_hostile and not track.noncombatants
 
 
 def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
@@ -267,10 +267,10 @@ def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
 
     Raises NotInPictureError if the console cannot determine them.
     """
-    found = list(_SERVES[ask.task](stands, ask))
-    if not all(slot.agents for unit in found for slot in unit.slots):
+    serving = list(_SERVES[ask.task](stands, ask))
+    if not all(slot.agents for unit in serving for slot in unit.slots):
         return []
-    return found
+    return serving
 
 
 def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
@@ -353,7 +353,7 @@ def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     first, second = ask.who.names
     places = ((first, second), (second, first))
     yield CommandUnit(
-        tuple(CommandSlot((one,), f"move_to {stands.post(other)}") for one, other in places)
+        tuple(CommandSlot((asset,), f"move_to {stands.post(other)}") for asset, other in places)
     )
 
 
@@ -371,11 +371,11 @@ def _reported(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     if team.names:
         yield from units_of_one(CommandSlot((name,), "report") for name in stands.fit(ask))
         return
-    asked = tuple(n for n in reporters(ask, stands.before) if n not in stands.named)
+    candidates = tuple(n for n in reporters(ask, stands.before) if n not in stands.named)
     number = team.count
     if number != "all" and not of_everyone(ask):
         yield from units_of_one(
-            CommandSlot(asked, "report") for _ in range(min(number, len(asked)))
+            CommandSlot(candidates, "report") for _ in range(min(number, len(candidates)))
         )
 
 
@@ -383,7 +383,7 @@ def _held(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
     yield from units_of_one(CommandSlot((name,), "hold") for name in stands.fit(ask))
 
 
-def _untold(_stands: StandingAssets, _ask: Ask) -> Iterator[CommandUnit]:
+def _not_in_picture(_stands: StandingAssets, _ask: Ask) -> Iterator[CommandUnit]:
     raise NotInPictureError
 
 
@@ -402,8 +402,8 @@ _SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] =
     "stand_down": _stood_down,
     "report": _reported,
     "hold": _held,
-    "refused": _untold,
-    "unreadable": _untold,
+    "refused": _not_in_picture,
+    "unreadable": _not_in_picture,
 }
 
 
@@ -426,11 +426,11 @@ def commands_serving(
     stands = StandingAssets(world, picture, _NOTHING, frozenset((*named, *reading.excluded)))
     due = [ask for ask in reading.asks if not obstacle_to(ask, world, picture)]
     try:
-        found = [unit for ask in due for unit in units(stands, ask)]
+        all_units = [unit for ask in due for unit in units(stands, ask)]
     except NotInPictureError:
         return
     called = [name for ask in due if of_everyone(ask) for name in reporters(ask, picture)]
-    for part in _parts(found[:MAX_ACTIONS]) if found or called else []:
+    for part in _parts(all_units[:MAX_ACTIONS]) if all_units or called else []:
         slots = [slot for unit in part for slot in unit.slots]
         for late in (False, True):
             ways = _ways(stands, slots, called, others_stay=reading.others_stay, late=late)
@@ -441,18 +441,20 @@ def commands_serving(
     yield (CommandSlot(tuple(name for name, a in picture.assets.items() if a.available), "hold"),)
 
 
-def _parts(found: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
-    """Return the parts of the units `found` that are tried: all of them, then smaller parts."""
-    number = len(found)
+def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
+    """Return the parts of `all_units` that are tried: all of them, then smaller parts."""
+    number = len(all_units)
     left_out = (
         sorted(
             combinations(range(number), count),
-            key=lambda out: (sum(not found[i].ahead for i in out), [-i for i in reversed(out)]),
+            key=lambda out: (sum(not all_units[i].ahead for i in out), [-i for i in reversed(out)]),
         )
         for count in range(max(number, 1))
     )
     every = (out for some in left_out for out in some)
-    return [[unit for i, unit in enumerate(found) if i not in out] for out in islice(every, _PARTS)]
+    return [
+        [unit for i, unit in enumerate(all_units) if i not in out] for out in islice(every, _PARTS)
+    ]
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
@@ -461,7 +463,7 @@ def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]
     names = (dict.fromkeys(way[i].agent for way in alike) for i in range(len(first)))
-    yield tuple(CommandSlot(tuple(n), said) for n, said in zip(names, commands, strict=True))
+    yield tuple(CommandSlot(tuple(n), command) for n, command in zip(names, commands, strict=True))
     if len(alike) > 1:
         yield tuple(CommandSlot((action.agent,), action.command) for action in first)
 
@@ -479,13 +481,13 @@ def _ways(
     The assets in `called` report if they have nothing else to do. With `late`, gates may wait for
     their new guard.
     """
-    for given in islice(_given(slots), _TRIED):
-        goals = _goals(stands, given)
+    for assigned in islice(_assignments(slots), _TRIED):
+        goals = _goals(stands, assigned)
         for more in backfill_commands(stands, goals, others_stay=others_stay, late=late):
-            first = [Action(agent=name, command=said) for name, said in more]
+            first = [Action(agent=name, command=command) for name, command in more]
             busy = {*goals, *(name for name, _ in more)}
-            told = (Action(agent=n, command="report") for n in called if n not in busy)
-            if way := (*first, *given, *told)[:MAX_ACTIONS]:
+            reports = (Action(agent=n, command="report") for n in called if n not in busy)
+            if way := (*first, *assigned, *reports)[:MAX_ACTIONS]:
                 yield way
 
 
@@ -500,7 +502,7 @@ def _late_s(stands: StandingAssets, way: Way) -> float:
     return bare_s(stands, _goals(stands, way))
 
 
-def _given(
+def _assignments(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
     """Yield the ways to give each of `slots` to an asset without a command; `had` comes first."""
@@ -514,4 +516,4 @@ def _given(
     busy = {action.agent for action in had}
     for name in agents:
         if name not in busy:
-            yield from _given(slots, (*had, Action(agent=name, command=command)))
+            yield from _assignments(slots, (*had, Action(agent=name, command=command)))

@@ -57,16 +57,16 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
         for name in case.spare(ask, team.kind)
         if case.moves.post(name) != place and not _is_left(case.moves, name)
     ]
-    wanted = 1 if team.count == "all" else team.count
+    number = 1 if team.count == "all" else team.count
     word = "asset" if team.kind is None else PLAIN_KINDS[team.kind]
-    if sent < wanted and len(spare) > sent:
-        yield f"{sent} of {wanted} {word} to {place}"
+    if sent < number and len(spare) > sent:
+        yield f"{sent} of {number} {word} to {place}"
     elif team.count == "all":
         left = [name for name in spare if case.moves.ends(name) != place]
         if left:
             yield f"{', '.join(left)} not sent to {place}"
-    elif ask.task == "go" and sent > wanted and not _may_be_looking(case, ask):
-        yield f"{sent} instead of {wanted} {word} to {place}"
+    elif ask.task == "go" and sent > number and not _may_be_looking(case, ask):
+        yield f"{sent} instead of {number} {word} to {place}"
 
 
 def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
@@ -82,7 +82,7 @@ def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
         return
     moves, place = case.moves, post_of(case.moves, ask)
     kind: AssetKind | None = "uav" if ask.task == "look" else ask.who.kind
-    named = {name for each in case.due for name in (*each.who.names, each.leaving)}
+    named = {name for other in case.due for name in (*other.who.names, other.leaving)}
     free = [
         name
         for name in moves.free(kind)
@@ -162,8 +162,8 @@ def _can(case: PlanForOrder, ask: Ask, tracks: Sequence[Track]) -> bool:
 
 def is_to_be_warned(track: Track) -> bool:
     """Return whether a warning is due: the contact is identified and not yet warned."""
-    known = track.identity == "unauthorized" and not track.noncombatants
-    return known and not track.warned
+    is_intruder = track.identity == "unauthorized" and not track.noncombatants
+    return is_intruder and not track.warned
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
@@ -190,9 +190,9 @@ def _taken_over(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
     first, second = ask.who.names
-    for one, other in ((first, second), (second, first)):
-        if case.moves.ends(one) != case.moves.post(other):
-            yield f"{one} does not take the place of {other}"
+    for asset, other in ((first, second), (second, first)):
+        if case.moves.ends(asset) != case.moves.post(other):
+            yield f"{asset} does not take the place of {other}"
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
@@ -208,17 +208,17 @@ def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
     """Yield in words the missing reports; of all assets, those that act need not report."""
     actions = case.moves.plan.actions
-    told = {action.agent for action in actions if action.verb == "report"}
+    reporting = {action.agent for action in actions if action.verb == "report"}
     if ask.who.names:
-        yield from (f"no report by {n}" for n in _fit(case, ask) if n not in told)
+        yield from (f"no report by {n}" for n in _fit(case, ask) if n not in reporting)
         return
-    asked = {*reporters(ask, case.moves.before)}
-    wanted = ask.who.count
-    if wanted == "all" or of_everyone(ask):
-        asked -= {action.agent for action in actions if action.verb not in STILL}
-        wanted = len(asked)
-    if len(told & asked) < wanted:
-        yield f"{len(told & asked)} of {wanted} reports"
+    expected = {*reporters(ask, case.moves.before)}
+    number = ask.who.count
+    if number == "all" or of_everyone(ask):
+        expected -= {action.agent for action in actions if action.verb not in STILL}
+        number = len(expected)
+    if len(reporting & expected) < number:
+        yield f"{len(reporting & expected)} of {number} reports"
 
 
 def _held(case: PlanForOrder, ask: Ask) -> Iterator[str]:
@@ -283,8 +283,8 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
         w for w in moving if w.task in _MEETS or any(may_move(moves, n, w) for n in moves.moved)
     ]
     for name in moves.moved:
-        asked = any(may_move(moves, name, ask) for ask in moving)
-        if not asked and not _besides(case, name, served) and not _watches(case, name):
+        requested = any(may_move(moves, name, ask) for ask in moving)
+        if not requested and not _besides(case, name, served) and not _watches(case, name):
             yield f"{name} not asked for"
     places = {ask.place for ask in moving}
     for action in moves.plan.actions:

@@ -42,39 +42,39 @@ def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
     """Return why no part of `ask` can be carried out; '' if at least a part can."""
     if ask.task == "refused":
         return "no order may have that"
-    found = obstacle(
+    problem = obstacle(
         ask, world, lambda name: next(asset_obstacles(name, ask, world, picture), None)
     )
-    if found is not None:
-        return _told(found, ask.task, picture)
+    if problem is not None:
+        return _in_words(problem, ask.task, picture)
     return "" if ask.who.names else _nobody(ask, picture)
 
 
 def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
     """Return why the asset `name` cannot do its part of `ask`; '' if it can."""
-    found = next(asset_obstacles(name, ask, world, picture), None)
-    return "" if found is None else _told(found, ask.task, picture)
+    problem = next(asset_obstacles(name, ask, world, picture), None)
+    return "" if problem is None else _in_words(problem, ask.task, picture)
 
 
-def _told(found: Obstacle, task: Task, picture: Picture) -> str:
+def _in_words(problem: Obstacle, task: Task, picture: Picture) -> str:
     """Return an obstacle in words, with its rule if there is one."""
-    match found.problem:
+    match problem.problem:
         case "closed":
-            return f"{found.subject} is closed (ROE-07)"
+            return f"{problem.subject} is closed (ROE-07)"
         case "no place":
             return "no such place (CAP-06)"
         case "no asset":
-            return f"no asset {found.subject} (CAP-10)"
+            return f"no asset {problem.subject} (CAP-10)"
         case "down":
-            asset = picture.assets.get(found.subject)
+            asset = picture.assets.get(problem.subject)
             driven = asset is not None and asset.manual
-            return f"{found.subject} is {'under manual control' if driven else 'down'}"
+            return f"{problem.subject} is {'under manual control' if driven else 'down'}"
         case "low":
-            return f"{found.subject} is low (CAP-04)"
+            return f"{problem.subject} is low (CAP-04)"
         case "poor link":
-            return f"{found.subject} has a poor link (CAP-05)"
+            return f"{problem.subject} has a poor link (CAP-05)"
         case "wrong kind":
-            kind = "asset" if found.kind is None else PLAIN_KINDS[found.kind]
+            kind = "asset" if problem.kind is None else PLAIN_KINDS[problem.kind]
             return f"no {kind} can {VERB_FOR[task]}"
 
 
@@ -93,16 +93,18 @@ def within_capability(reading: Reading, world: World) -> Reading:
     to observe goes there. An asset of another kind blocks. If no other asset may move, none
     replaces it.
     """
-    asks = (one for ask in reading.asks for one in _capable(ask, world, reading.others_stay))
+    asks = (
+        capable for ask in reading.asks for capable in _capable(ask, world, reading.others_stay)
+    )
     return reading._replace(asks=tuple(asks))
 
 
 def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
     """Yield `ask`, or its replacement if the assets of its kind do not have its command."""
-    who = ask.who
-    kinds: set[AssetKind] = {world.assets[n].kind for n in who.names if n in world.assets}
-    if who.kind is not None:
-        kinds.add(who.kind)
+    team = ask.who
+    kinds: set[AssetKind] = {world.assets[n].kind for n in team.names if n in world.assets}
+    if team.kind is not None:
+        kinds.add(team.kind)
     if not kinds or ask.task not in VERB_FOR or any(can_do(kind, ask.task) for kind in kinds):
         yield ask
         return
@@ -135,7 +137,7 @@ class PlanForOrder:
 
         If `ask` names an origin, only assets from there are returned.
         """
-        moves, others = self.moves, [each for each in self.due if each != ask]
+        moves, others = self.moves, [other for other in self.due if other != ask]
         return [
             name
             for name in moves.free(kind)
@@ -189,8 +191,12 @@ def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
 def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
     """Return whether the asset `name` carries out `ask`, and does not only observe (WF-02)."""
     kind = moves.kind(name)
-    asked = name in ask.who.names or ask.who.kind in (None, kind)
-    return may_move(moves, name, ask) and (name == ask.leaving or asked) and can_do(kind, ask.task)
+    is_asked_for = name in ask.who.names or ask.who.kind in (None, kind)
+    return (
+        may_move(moves, name, ask)
+        and (name == ask.leaving or is_asked_for)
+        and can_do(kind, ask.task)
+    )
 
 
 class Unmet(NamedTuple):
@@ -211,13 +217,13 @@ def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ..
     due = tuple(ask for ask in reading.asks if not obstacle_to(ask, world, before))
     case = PlanForOrder(moves, due, reading.others_stay)
     every = not _ONLY_FREE.search(text.lower())
-    found = (
+    parts = (
         Unmet(f"{ask.words}: {why}", so)
         for ask in reading.asks
         for why, so in _unmet(case, ask, every=every)
         if why
     )
-    return tuple({one.told: one for one in found}.values())
+    return tuple({part.told: part for part in parts}.values())
 
 
 def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:
@@ -251,8 +257,8 @@ def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
         return
     place = moves.world.base if ask.task == "home" else ask.place
     for name, asset in moves.before.assets.items():
-        meant = ask.who.kind in (None, asset.kind) and is_of(moves, name, ask)
-        if not meant or place in (moves.ends(name), moves.post(name)):
+        concerned = ask.who.kind in (None, asset.kind) and is_of(moves, name, ask)
+        if not concerned or place in (moves.ends(name), moves.post(name)):
             continue
         if why := unfit(name, ask, moves.world, moves.before):
             yield why

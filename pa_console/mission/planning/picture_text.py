@@ -87,16 +87,16 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
 
 def _unknown(picture: Picture, gates: tuple[str, ...], team: list[AssetTelemetry]) -> Iterator[str]:
     """Yield in words the gates with uncertain cover, then other assets in an uncertain state."""
-    told: set[str] = set()
+    reported: set[str] = set()
     for gate in gates:
         cover = picture.gates[gate]
         if cover.unknown:
-            told.update(cover.unsure)
+            reported.update(cover.unsure)
             unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
             why = [why for asset in unsure if (why := silence(picture, asset))]
             yield ", ".join([f"{gate}: cover unknown", *why])
     for asset in team:
-        if asset.id not in told and (why := silence(picture, asset)):
+        if asset.id not in reported and (why := silence(picture, asset)):
             yield why
 
 
@@ -107,11 +107,11 @@ def _post(asset: AssetTelemetry) -> str:
 
 
 def _track(picture: Picture, track: Track) -> str:
-    where = "approaches" if track.status == "approaching" else f"{track.status} at"
-    facts = [f"{track.kind} {where} {track.gate}", f"{track.distance_m:.0f} m"]
-    known = track.identity != "unknown"
-    if known or track.intent == "hostile":
-        identity = track.identity if known else "not identified"
+    movement = "approaches" if track.status == "approaching" else f"{track.status} at"
+    facts = [f"{track.kind} {movement} {track.gate}", f"{track.distance_m:.0f} m"]
+    identified = track.identity != "unknown"
+    if identified or track.intent == "hostile":
+        identity = track.identity if identified else "not identified"
         facts.append(f"{identity}, intent {track.intent}")
     else:
         facts.append("not identified")
@@ -154,8 +154,8 @@ def select(
     if share == 1.0 and is_small(world):
         return None
     tracks = _bounded(_tracks(picture, mission), round(share * MOST_TRACKS))
-    said = set(named(world.assets, mission.text)) | {mission.subject or ""}
-    own = [name for name in picture.assets if name in said]
+    named_assets = set(named(world.assets, mission.text)) | {mission.subject or ""}
+    own = [name for name in picture.assets if name in named_assets]
     gates = _bounded(_gates(picture, world, mission, own, tracks), round(share * MOST_GATES))
     most, per_kind = round(share * MOST_ASSETS), round(share * SPARES_PER_KIND)
     spares = list(_spares(picture, world, gates, per_kind))
@@ -188,8 +188,8 @@ def _bounded(picks: Iterable[Pick], most: int) -> dict[str, str]:
 
 def _tracks(picture: Picture, mission: Mission) -> Iterator[Pick]:
     """Yield the mission's own tracks, then the others by threat and proximity (WF-04)."""
-    said = {*named(picture.tracks, mission.text), mission.subject}
-    yield from ((name, "named in the mission") for name in picture.tracks if name in said)
+    named_tracks = {*named(picture.tracks, mission.text), mission.subject}
+    yield from ((name, "named in the mission") for name in picture.tracks if name in named_tracks)
     for track in sorted(picture.tracks.values(), key=_threat):
         yield track.id, f"{_rank_word(track)}, {track.distance_m:.0f} m from {track.gate}"
 
@@ -291,5 +291,5 @@ def _least(position: Point, goals: Sequence[Point]) -> float:
 def _frames(world: World, mission: Mission, gates: Iterable[str]) -> tuple[str, ...]:
     """Return the concerned gates, the base, and the posts, those named in the mission first."""
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
-    wanted = [*gates, world.base, *names_meant(posts, mission.text), *posts]
-    return tuple(dict.fromkeys(wanted))
+    frames = [*gates, world.base, *names_meant(posts, mission.text), *posts]
+    return tuple(dict.fromkeys(frames))

@@ -40,15 +40,15 @@ MOST_FACTS = 4
 """The number of assets whose state is described in a plan's reason."""
 
 
-def served_plan(asked: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
+def served_plan(reading: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
     """Return the plan with the commands of `slots`, each for its first agent.
 
-    The reason begins with the reading `asked` and continues with the state of the commanded assets.
+    The reason begins with the `reading` and continues with the state of the commanded assets.
     """
     actions = tuple(Action(agent=slot.agents[0], command=slot.command) for slot in slots)
     named = list(dict.fromkeys(action.agent for action in actions))[:MOST_FACTS]
     facts = ", ".join(f"{name}: {asset_state(digest, name)}" for name in named)
-    return Plan(reason=f"{asked}; {facts or 'nobody to send'}"[:MAX_REASON], actions=actions)
+    return Plan(reason=f"{reading}; {facts or 'nobody to send'}"[:MAX_REASON], actions=actions)
 
 
 def still(picture: Picture) -> tuple[CommandSlot, ...]:
@@ -159,21 +159,23 @@ def ask_for_plan(
             if prompt.tokens <= room:
                 break
             digest, digested, prompt = tell(share)
-    grammar, stated, asked = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
+    grammar, stated, reading = ANY_TEXT, (), asked_now(world, digest, retrieved.chosen)
     schema: Schema | None = None
     if prompt_format.served:
-        stated = tuple(prompt_format.reason(world, digest, task.text, asked))
+        stated = tuple(prompt_format.reason(world, digest, task.text, reading))
         grammar = begun_grammar(stated)
     elif services.variant.grammar:
-        told = digest.selection
-        shown = (None, None) if told is None else (told.assets, told.frames)
+        selection = digest.selection
+        shown = (None, None) if selection is None else (selection.assets, selection.frames)
         if services.variant.grounded:
-            stated = tuple(prompt_format.reason(world, digest, task.text, asked))
+            stated = tuple(prompt_format.reason(world, digest, task.text, reading))
         grammar = plan_grammar(world, picture, *shown, retrieved.verbs, stated)
         if model is not None and model.server is not None:
             schema = plan_schema(world, picture, *shown, retrieved.verbs)
     spent_s = perf_counter() - digested
-    return PlanQuestion(digest, prompt, grammar, stated, asked, digested - started, spent_s, schema)
+    return PlanQuestion(
+        digest, prompt, grammar, stated, reading, digested - started, spent_s, schema
+    )
 
 
 async def ask_planner(
@@ -240,8 +242,8 @@ async def _served(
     on_text: OnText,
 ) -> Proposal:
     """Ask `model` for a reading, and make the plan for it."""
-    asked = ReadingQuestion(question.prompt, question.reasons)
-    read = await model.planner.reader.read(asked, on_text)
+    reading_question = ReadingQuestion(question.prompt, question.reasons)
+    read = await model.planner.reader.read(reading_question, on_text)
     if read.error:
         return Proposal(read.text, None, read.error, read.fatal, read.usage)
     ways = await commands_for(context, retrieved, read.asked, 1, retrieved.verbs)
@@ -263,21 +265,21 @@ async def ask_for_others(
         return []
     first = context.attempts
     with context.stopwatch.time("planning_s"):
-        found, usage = await answered.model.planner.several(
+        proposals, usage = await answered.model.planner.several(
             question.prompt, question.grammar, count, answered.begun if as_asked else ""
         )
     others: list[NumberedPlan] = []
-    for proposal in found:
+    for proposal in proposals:
         number = context.next_attempt()
-        given = replace(
+        shown = replace(
             proposal,
             usage=usage if number == first + 1 else Usage(),
             confidence=answered.proposal.confidence if as_asked else None,
         )
-        context.emit(_proposed(answered, given, number, instead_of=first))
-        if given.plan is not None:
+        context.emit(_proposed(answered, shown, number, instead_of=first))
+        if shown.plan is not None:
             by_server = answered.model.server is not None
-            others.append(NumberedPlan(number, given.plan, given.confidence, by_server))
+            others.append(NumberedPlan(number, shown.plan, shown.confidence, by_server))
     return others
 
 
@@ -292,79 +294,79 @@ async def other_readings(context: MissionContext, answered: PlannerAnswer, count
     text = answered.proposal.text
     end = text.find(" ", len(answered.begun))
     with context.stopwatch.time("readings_s"):
-        found, _ = await answered.model.planner.readings(
+        readings, _ = await answered.model.planner.readings(
             question.prompt, question.reasons, count, text[: end if end >= 0 else len(text)]
         )
-    return found
+    return readings
 
 
 async def commands_for(
     context: MissionContext,
     retrieved: RetrievedRules,
-    asked: str,
+    reading_text: str,
     most: int,
     verbs: Sequence[Verb] = (),
 ) -> list[tuple[CommandSlot, ...]]:
-    """Return the ways to serve the reading `asked`: commands, each with its candidate agents.
+    """Return the ways to serve a reading: commands, each with its candidate agents.
 
     At most `most` ways are returned. If `verbs` are given, ways with other commands are left out.
     The search runs in a thread, because it takes a while in a large world.
     """
-    fleet, reading = context.services.fleet, read_asked(asked)
+    fleet, reading = context.services.fleet, read_asked(reading_text)
     if reading is None or (retrieved.verbs and not verbs):
         return []
     texts = {retrieved.task.text, context.mission.text}
-    said = [name for text in texts for name in excluded_names(fleet.world, text)]
-    reading = reading._replace(excluded=tuple(dict.fromkeys((*reading.excluded, *said))))
-    found = (
+    excluded = [name for text in texts for name in excluded_names(fleet.world, text)]
+    reading = reading._replace(excluded=tuple(dict.fromkeys((*reading.excluded, *excluded))))
+    ways = (
         slots
         for slots in commands_serving(reading, fleet.world, fleet.picture())
         if not verbs or all(slot.verb in verbs for slot in slots)
     )
-    return await asyncio.to_thread(list, islice(found, most))
+    return await asyncio.to_thread(list, islice(ways, most))
 
 
 async def ask_who(
     context: MissionContext,
     answered: PlannerAnswer,
-    asked: str,
+    reading: str,
     slots: Sequence[CommandSlot],
     reader: Reader = "planner",
 ) -> NumberedPlan | None:
     """Ask the planner to assign an agent to each command of `slots` (step 5).
 
-    The plan has the reading `asked`, by the model `reader`. The result is None if the answer has no
-    plan. If the console makes the plans, it also assigns the agents.
+    The plan has the `reading` of the model `reader`. If the console makes the plans, it also assigns
+    the agents. Returns None if the answer has no plan.
     """
     first = context.attempts
     by_server = answered.model.server is not None
     with context.stopwatch.time("planning_s"):
-        proposal = await _given_commands(context, answered, asked, slots)
+        proposal = await _given_commands(context, answered, reading, slots)
         number = context.next_attempt()
         own = reader == "planner"
         sure = answered.proposal.confidence if own else None
-        given = replace(proposal, confidence=sure)
-        told = _proposed(answered, given, number, instead_of=first, given=True)
+        shown = replace(proposal, confidence=sure)
+        event = _proposed(answered, shown, number, instead_of=first, given=True)
         origin = {"as_judged": reader == "judge", "as_read_again": reader == "second"}
-        context.emit(told.model_copy(update=origin))
+        context.emit(event.model_copy(update=origin))
     return (
-        NumberedPlan(number, given.plan, sure, by_server and own)
-        if given.plan is not None
+        NumberedPlan(number, shown.plan, sure, by_server and own)
+        if shown.plan is not None
         else None
     )
 
 
 async def _given_commands(
-    context: MissionContext, answered: PlannerAnswer, asked: str, slots: Sequence[CommandSlot]
+    context: MissionContext, answered: PlannerAnswer, reading: str, slots: Sequence[CommandSlot]
 ) -> Proposal:
-    """Return a plan for the reading `asked` with the commands of `slots`."""
+    """Return a plan for the `reading` with the commands of `slots`."""
     model, question, task = answered.model, answered.question, answered.retrieved.task
     if model.prompt_format.served:
-        made = served_plan(asked, slots, question.digest)
+        made = served_plan(reading, slots, question.digest)
         return Proposal(made.answer, made)
     world = context.services.fleet.world
-    grammar = slot_grammar(slots, grounded_reason(world, question.digest, task.text, asked))
-    schema = slot_schema(slots, asked) if model.server is not None else None
+    grammar = slot_grammar(slots, grounded_reason(world, question.digest, task.text, reading))
+    schema = slot_schema(slots, reading) if model.server is not None else None
     return await model.planner.plan(question.prompt, grammar, schema=schema)
 
 

@@ -48,8 +48,8 @@ async def plan_patrol(
     """Return the plan for the rest of a patrol after its first `done` legs."""
     agent = _first_agent(context, patrol)
     if not agent:
-        who = patrol.who or (f"{patrol.kind}" if patrol.kind else "asset")
-        return NotUnderstood(f"no {who} is free for a patrol. Who is to go?")
+        needed = patrol.who or (f"{patrol.kind}" if patrol.kind else "asset")
+        return NotUnderstood(f"no {needed} is free for a patrol. Who is to go?")
     places = legs_of(patrol, context.services.scene, agent)[done:]
     legs = await _with_relief(context, patrol, agent, places)
     if isinstance(legs, NotUnderstood):
@@ -155,24 +155,24 @@ async def _judged(
     for leg in _first_legs(legs):
         verb = _verb(context, leg.agent)
         task: Task = "look" if verb == "observe" else "go"
-        asked = "asked: " + written(task, {"who": leg.agent, "place": leg.place})
+        reading = "asked: " + written(task, {"who": leg.agent, "place": leg.place})
         step = at.begin(f"Send {leg.agent} to {leg.place}.")
         plan = Plan(
-            reason=f"{asked}; {patrol.words}"[:MAX_REASON],
+            reason=f"{reading}; {patrol.words}"[:MAX_REASON],
             actions=(Action(agent=leg.agent, command=f"{verb} {leg.place}"),),
         )
-        answered = without_planner(step, retrieve(step, step.mission, chosen=asked))
-        found = await judge(step, await take(step, answered, plan, author="console"))
+        answered = without_planner(step, retrieve(step, step.mission, chosen=reading))
+        leg_plan = await judge(step, await take(step, answered, plan, author="console"))
         at.end(step)
-        judged.append(found)
-        if not at.went(found.best.examination, step.mission):
+        judged.append(leg_plan)
+        if not at.went(leg_plan.best.examination, step.mission):
             break
     return judged
 
 
 def _first_legs(legs: Sequence[_Leg]) -> Iterator[_Leg]:
-    known = set[str]()
+    seen = set[str]()
     for leg in legs:
-        if leg.place not in known:
-            known.add(leg.place)
+        if leg.place not in seen:
+            seen.add(leg.place)
             yield leg

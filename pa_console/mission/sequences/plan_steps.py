@@ -65,14 +65,14 @@ async def plan_steps(
                 step.mission, step.described = read.mission, read.described
         text = step.mission.text
         context.emit(ev.OrderStepRead(step=number, steps=len(steps), text=text))
-        found = await _planned(step, read)
+        step_plan = await _planned(step, read)
         at.end(step)
-        if isinstance(found, PlanningFailure):
-            return replace(found, error=f"{named}: {found.error}")
-        if isinstance(found, NotUnderstood):
-            return replace(found, question=f"{named}: {found.question}")
-        planned.append(found)
-        if not at.went(found.best.examination, step.mission):
+        if isinstance(step_plan, PlanningFailure):
+            return replace(step_plan, error=f"{named}: {step_plan.error}")
+        if isinstance(step_plan, NotUnderstood):
+            return replace(step_plan, question=f"{named}: {step_plan.question}")
+        planned.append(step_plan)
+        if not at.went(step_plan.best.examination, step.mission):
             break
     return await _joined(context, task, planned, len(steps))
 
@@ -84,10 +84,10 @@ async def _planned(
     retrieved = retrieve(step, step.mission)
     if read.patrol is not None:
         return await plan_patrol(step, retrieved, read.patrol)
-    found = await plan(step, retrieved)
-    if isinstance(found, PlanningFailure):
-        return found
-    judged = await judge(step, found)
+    step_plan = await plan(step, retrieved)
+    if isinstance(step_plan, PlanningFailure):
+        return step_plan
+    judged = await judge(step, step_plan)
     return unsettled(judged, read.unsettled) or judged
 
 
@@ -95,41 +95,43 @@ async def _joined(
     context: MissionContext, task: Mission, planned: Sequence[PlanForDecision], count: int
 ) -> PlanForDecision:
     """Examine the plans of the steps as one; return it for decision, with all findings."""
-    bests = [each.best for each in planned]
+    bests = [candidate.best for candidate in planned]
     whole = joined_plan(bests)
     number = context.next_attempt()
     context.emit(ev.PlanProposed(attempt=number, author="console", text=whole.answer, plan=whole))
-    found = await safeguards(context, task, whole)
-    found = replace(found, findings=(*_unplanned(bests, count), *found.findings))
-    if found.rehearsal is not None and context.services.variant.rehearsal:
+    examination = await safeguards(context, task, whole)
+    examination = replace(examination, findings=(*_unplanned(bests, count), *examination.findings))
+    if examination.rehearsal is not None and context.services.variant.rehearsal:
         context.emit(
-            ev.PlanRehearsed(attempt=number, rehearsal=found.rehearsal, seconds=found.rehearsal_s)
+            ev.PlanRehearsed(
+                attempt=number, rehearsal=examination.rehearsal, seconds=examination.rehearsal_s
+            )
         )
     verdict, error = verdict_on(bests)
     best = Candidate(
         number,
-        found,
+        examination,
         unmet=tuple(
             f"step {step}: {text}"
-            for step, each in enumerate(bests, start=1)
-            for text in each.unmet
+            for step, candidate in enumerate(bests, start=1)
+            for text in candidate.unmet
         ),
         narrowed=any(best.narrowed for best in bests),
         mentions=_mentions(bests),
         verdict=verdict,
         judge_error=error,
-        by_server=any(UNTOLD in each.gaps_told for each in bests),
+        by_server=any(UNTOLD in candidate.gaps_told for candidate in bests),
     )
     context.emit(
         ev.PlanChecked(
             attempt=number,
-            findings=found.findings,
-            seconds=found.checks_s,
+            findings=examination.findings,
+            seconds=examination.checks_s,
             unmet=best.unmet,
             gaps=best.mentions.gaps,
         )
     )
-    if context.services.variant.judging and not found.blocked:
+    if context.services.variant.judging and not examination.blocked:
         context.emit(ev.PlanJudged(attempt=number, verdict=verdict, error=error))
     last = planned[-1].answered
     answered = replace(last, retrieved=replace(last.retrieved, task=task, chosen=""))
@@ -139,16 +141,16 @@ async def _joined(
 def joined_plan(bests: Sequence[Candidate]) -> Plan:
     """Return the plans of the steps as one plan, in which each follows the one before it."""
     actions: list[Action] = []
-    told: list[str] = []
+    reasons: list[str] = []
     before: tuple[int, ...] = ()
     for best in bests:
-        first, each = len(actions), best.examination.plan
-        for action in each.actions:
+        first, step_plan = len(actions), best.examination.plan
+        for action in step_plan.actions:
             after = tuple(number + first for number in action.after) or before
             actions.append(action.model_copy(update={"after": after}))
-        before = tuple(number + first for number in each.steps[-1]) or before
-        told.append(plain_reading(best.asked) if best.asked else each.reason)
-    return Plan(reason="; then ".join(told)[:MAX_REASON], actions=tuple(actions))
+        before = tuple(number + first for number in step_plan.steps[-1]) or before
+        reasons.append(plain_reading(best.asked) if best.asked else step_plan.reason)
+    return Plan(reason="; then ".join(reasons)[:MAX_REASON], actions=tuple(actions))
 
 
 def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
@@ -166,11 +168,11 @@ def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
 
 def _mentions(bests: Sequence[Candidate]) -> MentionCheck:
     """Return the checks of the steps' readings as one; a single baseless step makes it baseless."""
-    found = [best.mentions for best in bests]
+    checks = [best.mentions for best in bests]
     return MentionCheck(
-        tuple(one for each in found for one in each.mentions),
-        tuple(one for each in found for one in each.unsupported),
-        any(each.moves for each in found),
-        any(each.baseless for each in found),
-        tuple(said for each in found for said in each.times),
+        tuple(part for check in checks for part in check.mentions),
+        tuple(part for check in checks for part in check.unsupported),
+        any(check.moves for check in checks),
+        any(check.baseless for check in checks),
+        tuple(words for check in checks for words in check.times),
     )

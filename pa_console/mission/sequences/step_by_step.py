@@ -52,7 +52,7 @@ class StepByStep:
         self.context.services.gate.finish()
         if not lacks:
             return None
-        return MissionResult(lacks[-1].status, "; ".join(one.reason for one in lacks))
+        return MissionResult(lacks[-1].status, "; ".join(result.reason for result in lacks))
 
     def _left(self, position: int) -> frozenset[int]:
         """Return the numbers of the actions of all steps after the one at `position`."""
@@ -70,13 +70,14 @@ class StepByStep:
             step=position,
             steps=count,
         )
-        found = await safeguards(context, self.task, part)
-        if found.blocked:
-            why = f"step {position} of {count} would break a rule now: {'; '.join(found.faults)}"
+        examination = await safeguards(context, self.task, part)
+        if examination.blocked:
+            faults = "; ".join(examination.faults)
+            why = f"step {position} of {count} would break a rule now: {faults}"
             self.facts.plans.append(replace(facts, held=why))
             return self._hold(self._left(position - 1), why, "held")
         step = ApprovedStep(
-            found, self.approved.decided.request, due, goes_on=bool(self._left(position))
+            examination, self.approved.decided.request, due, goes_on=bool(self._left(position))
         )
         self.facts.plans.append(facts)
         facts.halted = ("interrupted before its end",)
@@ -85,13 +86,13 @@ class StepByStep:
         if executed.halted:
             why = f"step {position} of {count} was halted: {'; '.join(executed.halted)}"
             return self._hold(self._left(position), why, "unverified", facts)
-        facts.verification = seen = verify(context, part, executed, position)
-        self.results.verifications.append(seen)
-        passed = _passed(due, seen)
+        facts.verification = verification = verify(context, part, executed, position)
+        self.results.verifications.append(verification)
+        passed = _passed(due, verification)
         context.services.gate.verified(passed)
         if lacking := [number for number in due if number not in passed]:
             after = self._plan.depends_on(lacking) if passed else self._left(position)
-            why = f"step {position} of {count} is not verified: {seen.reason}"
+            why = f"step {position} of {count} is not verified: {verification.reason}"
             return self._hold(after & self._left(position), why, "unverified", facts)
         if self._left(position) - self._held and (stay_s := _stay_s(step)):
             await self.execution.stay(stay_s)
@@ -124,7 +125,7 @@ def _passed(due: tuple[int, ...], seen: Verification) -> frozenset[int]:
     if seen.gates_lost or seen.gates_unknown:
         return frozenset()
     outcomes = zip(due, seen.actions, strict=True)
-    return frozenset(number for number, one in outcomes if one.outcome == "pass")
+    return frozenset(number for number, outcome in outcomes if outcome.outcome == "pass")
 
 
 def _stay_s(step: ApprovedStep) -> float:
