@@ -33,10 +33,10 @@ from pa_console.language.canonical.facts import (
     conditions,
     evidence,
     holds,
+    shown_assets,
+    shown_frames,
     standing,
     stands_at,
-    told_assets,
-    told_frames,
     tracks_of_digest,
 )
 from pa_console.language.canonical.order import in_words
@@ -87,8 +87,8 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
     `words` are those of the mission. For an order under a condition, both cases must be readable.
     With `facts`, the facts that decide may follow.
     """
-    assets_shown, tracks = told_assets(world, digest), tracks_of_digest(digest.tracks)
-    frames = [*told_frames(world, digest), *world.zones]
+    assets_shown, tracks = shown_assets(world, digest), tracks_of_digest(digest.tracks)
+    frames = [*shown_frames(world, digest), *world.zones]
     existing = {*assets_shown, *frames, *(contact.id for contact in tracks)}
     unknown = [*map(exactly, (n for n in _names_in(link_names(world, words)) if n not in existing))]
     assets = _either((*dict.fromkeys(map(_numbered, assets_shown)), *unknown))
@@ -221,7 +221,7 @@ def _asked(world: World, digest: Digest, unconditional: str) -> str:
 def _stated(world: World, digest: Digest) -> Iterator[str]:
     """Yield the possible statements about assets, places, tracks and free assets."""
     yield "only watch"
-    for name in told_assets(world, digest):
+    for name in shown_assets(world, digest):
         state = asset_state(digest, name) if name in digest.posts else "down"
         ways = [state, state.partition(",")[0]]
         ways += [f"alone at {gate}" for gate, sole in digest.sole_cover.items() if sole == name]
@@ -229,7 +229,7 @@ def _stated(world: World, digest: Digest) -> Iterator[str]:
         ways += [digest.posts.get(name, "").partition(" ")[2]] * (name in digest.posts)
         yield f"{name}: {_either(dict.fromkeys(ways))}"
     yield "[A-Za-z0-9_]+: no such asset"
-    stand = {frame: list[str]() for frame in told_frames(world, digest)} | standing(digest)
+    stand = {frame: list[str]() for frame in shown_frames(world, digest)} | standing(digest)
     for frame, there in stand.items():
         who = [*there, f"{len(there)} assets"] if there else ["nobody"]
         yield f"{frame}: {_either(who)}"

@@ -353,7 +353,7 @@ def is_of_order(
     for at in around:
         if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
             return False
-    clause = " ".join(tokens[at].said for at in around)
+    clause = " ".join(tokens[at].written for at in around)
     words = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
     if words & {*ASSETS, *KIND_WORDS, *(name.lower() for name in world.assets), *EVERYBODY}:
         return True

@@ -63,8 +63,8 @@ class Demand:
     """A clause that demands something of assets at places, or forbids it if `negated`.
 
     `words` are the operator's. `split` goals are joined by *and*. Without goals, staying means the
-    present place, and `put` is set if the words say so. `known` is set if the module knows every
-    word. A `later` clause is for another time; a `conditional` one depends on a condition.
+    present place, and `put` is set if the words say so. `understood` is set if the module knows
+    every word. A `later` clause is for another time; a `conditional` one depends on a condition.
     """
 
     words: str
@@ -75,7 +75,7 @@ class Demand:
     goals: tuple[str, ...]
     split: bool
     put: bool
-    known: bool
+    understood: bool
     later: bool
     conditional: bool
 
@@ -216,7 +216,7 @@ class _Reading:
         if self._leaves_a_place(words):
             acts, negated, put = frozenset((STAYING,)), not negated, not goals
         return Demand(
-            words=self._said(tokens),
+            words=self._words(tokens),
             acts=acts,
             negated=negated,
             assets=assets,
@@ -226,7 +226,7 @@ class _Reading:
             goals=goals,
             split=self._is_split(words),
             put=put,
-            known=all(map(self._is_known, text.split())),
+            understood=all(map(self._is_known, text.split())),
             later=bool(_LATER & {*words}),
             conditional=clause.conditional,
         )
@@ -306,10 +306,10 @@ class _Reading:
         named = self._is_asset(word) or word in self._places or plain in KINDS or plain in CONTACTS
         return named or word in _KNOWN or word in _FORMS or word in _NOT or word in _IT
 
-    def _said(self, tokens: Sequence[WordToken]) -> str:
+    def _words(self, tokens: Sequence[WordToken]) -> str:
         """Return the operator's own words for some tokens."""
         typed = self._linked._replace(original=self._typed)
-        return typed.said(tokens[0].start, tokens[-1].end).strip()
+        return typed.original_words(tokens[0].start, tokens[-1].end).strip()
 
 
 _ONLY_GOING = frozenset((GOING,))
@@ -350,7 +350,7 @@ def contradiction(world: World, text: str) -> Contradiction | None:
 def _forbidden(world: World, first: Demand, second: Demand) -> bool:
     """Return whether one of two demands forbids what the other demands."""
     ban, demand = (first, second) if first.negated else (second, first)
-    if not ban.known or not _are_meant(world, ban, demand):
+    if not ban.understood or not _are_meant(world, ban, demand):
         return False
     acts = ban.acts - {GOING} or ban.acts
     if acts == _ONLY_GOING:
@@ -385,9 +385,12 @@ def _apart(first: Demand, second: Demand) -> bool:
     if first.stays != second.stays:
         stay, move = (first, second) if first.stays else (second, first)
         return (
-            GOING in move.acts and bool(move.goals) and stay.known and (stay.put or stay is first)
+            GOING in move.acts
+            and bool(move.goals)
+            and stay.understood
+            and (stay.put or stay is first)
         )
-    placed = first.known and second.known and len(first.goals) == len(second.goals) == 1
+    placed = first.understood and second.understood and len(first.goals) == len(second.goals) == 1
     return placed and first.goals != second.goals and "report" not in first.acts | second.acts
 
 

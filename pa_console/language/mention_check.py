@@ -112,7 +112,7 @@ class MentionCheck(NamedTuple):
     def gaps(self) -> tuple[str, ...]:
         """Everything that does not match, in words; empty where all of it does."""
         gaps = [
-            f"not accounted for: {part.mention.said}"
+            f"not accounted for: {part.mention.words}"
             for part in self.mentions
             if not part.accounted
         ]
@@ -158,7 +158,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     dropped = _dropped(excluded, link_names(world, text), mentions)
     listed = (
         AccountedMention(
-            mention, not mention.asked or mention in dropped or result.accounts_for(mention)
+            mention, not mention.requested or mention in dropped or result.accounts_for(mention)
         )
         for mention in mentions
     )
@@ -205,14 +205,14 @@ def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]
     dropped = {mention for mention in mentions if mention.means in excluded}
     corrections = [match.start() for match in _CORRECTS.finditer(linked)]
     if corrections:
-        before = [mention for mention in mentions if linked.rfind(mention.said) < corrections[-1]]
+        before = [mention for mention in mentions if linked.rfind(mention.words) < corrections[-1]]
         after = {
-            mention.sort for mention in mentions if linked.rfind(mention.said) > corrections[-1]
+            mention.sort for mention in mentions if linked.rfind(mention.words) > corrections[-1]
         }
         dropped.update(
             mention for mention in before if mention.sort in _NAMED and mention.sort in after
         )
-        dropped.update(mention for mention in mentions if mention.said.lower() in _CORRECTING)
+        dropped.update(mention for mention in mentions if mention.words.lower() in _CORRECTING)
     return dropped
 
 
@@ -347,7 +347,7 @@ class _OrderWords:
         self._tasks = {task for mention in mentions for task in mention.supports}
         self._tasks |= {task for verb, task in TASK_OF.items() if verb in before}
         self._plain = any(
-            mention.sort == "verb" and mention.asked and "hold" not in mention.tasks
+            mention.sort == "verb" and mention.requested and "hold" not in mention.tasks
             for mention in mentions
         )
 

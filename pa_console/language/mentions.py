@@ -83,14 +83,14 @@ _PLACING = frozenset(("to", "at", "over", "towards", "toward", "tae"))
 class Mention(NamedTuple):
     """Words of an order and their meaning: a name, a kind, a number or a verb.
 
-    `asked` is False for words that are reported, quoted or ruled out, or that call a place by
+    `requested` is False for words that are reported, quoted or ruled out, or that call a place by
     radio.
     """
 
     sort: Sort
-    said: str
+    words: str
     means: str
-    asked: bool = True
+    requested: bool = True
     tasks: frozenset[Task] = frozenset()
     """The tasks that a verb allows in a reading."""
     supports: frozenset[Task] = frozenset()

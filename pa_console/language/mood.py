@@ -60,7 +60,7 @@ class NoOrder(NamedTuple):
     """The kind of sign that makes a text no order, and the sentence that has it."""
 
     kind: MoodKind
-    said: str
+    sentence: str
 
     @property
     def question(self) -> str:
@@ -90,7 +90,7 @@ class _Sentence(NamedTuple):
 
     words: str
     """Words and punctuation, separated by single blanks; names are ASSET, PLACE or KIND."""
-    said: str
+    text: str
 
 
 _WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
@@ -119,7 +119,7 @@ def no_order(world: World, text: str) -> NoOrder | None:
         (sentence for sentence in sentences if _pattern("joked").search(sentence.words)), None
     )
     if joke is not None:
-        return NoOrder("joked", joke.said)
+        return NoOrder("joked", joke.text)
     first_sign: NoOrder | None = None
     benign = any(
         _pattern("benign").search(sentence.words)
@@ -170,7 +170,7 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
     words, start, end = list[str](), 0, 0
     for token in read_tokens(linked.text):
         word = token.word
-        if word in assets or _ASSET_NAME.fullmatch(token.said):
+        if word in assets or _ASSET_NAME.fullmatch(token.written):
             word = "ASSET"
         elif word in places:
             word = "PLACE"
@@ -181,10 +181,10 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
         words += _dialect().get(word, word).split("_") if word.islower() else [word]
         end = token.end
         if word in _END:
-            yield _Sentence(" ".join(words), linked.said(start, end).strip())
+            yield _Sentence(" ".join(words), linked.original_words(start, end).strip())
             words, start = [], end
     if words:
-        yield _Sentence(" ".join(words), linked.said(start, end).strip())
+        yield _Sentence(" ".join(words), linked.original_words(start, end).strip())
 
 
 _MACHINES = KINDS.keys() | {"asset", "unit", "machine"}
@@ -212,7 +212,7 @@ def _read(sentence: _Sentence, *, bare: bool, benign: bool) -> tuple[NoOrder | N
     if not signs:
         return None, directs
     first = min(signs, key=lambda sign: _ORDERED.index(sign.kind))
-    return NoOrder(first.kind, sentence.said), directs
+    return NoOrder(first.kind, sentence.text), directs
 
 
 def _reach(sign: _Sign, length: int) -> tuple[int, int]:

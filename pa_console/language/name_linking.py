@@ -302,7 +302,7 @@ class LinkedText(NamedTuple):
             done = end
         return "".join((*parts, self.original[done:]))
 
-    def said(self, start: int, end: int) -> str:
+    def original_words(self, start: int, end: int) -> str:
         """Return the original words for the characters from `start` to `end` of the text."""
         return self.original[self._before(start, last=False) : self._before(end, last=True)]
 

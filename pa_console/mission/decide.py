@@ -90,7 +90,7 @@ async def decide(
         OrderAsRead(
             asked=readings.own,
             readings=readings.offered,
-            gaps=shown.gaps_told,
+            gaps=shown.all_gaps,
             confidence=planned.confidence,
             read_apart=planned.read_apart,
             narrowed=shown.narrowed,
@@ -117,7 +117,7 @@ async def _reconsider(
     looked_at, shown = context.services.variant.readings, planned.best
     if not looked_at or planned.steps or planned.by_grammar:
         return Readings()
-    planner_reading = planned.answered.said
+    planner_reading = planned.answered.reading
     own = shown.asked or planner_reading
     candidates = [before.own, *before.offered] if before.offered else []
     if not planned.answered.retrieved.chosen:
@@ -265,7 +265,7 @@ async def ask_back(
     approves nothing.
     """
     context.emit(
-        ev.QuestionAsked(question=question.question, said=question.said, choices=question.choices)
+        ev.QuestionAsked(question=question.question, said=question.words, choices=question.choices)
     )
     request = request_approval(
         f"{context.mission.id}.0.{number}" if number else f"{context.mission.id}.0",
@@ -314,7 +314,7 @@ def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUn
     actions = planned.best.examination.plan.actions
     named = {name for action in actions for name in (action.agent, action.target)}
     fits = not question.choices or bool(named & {*question.choices})
-    return None if fits and not planned.best.gaps_told else question
+    return None if fits and not planned.best.all_gaps else question
 
 
 def rejection(shown: Candidate, decided: AdmissibleDecision) -> MissionResult:

@@ -51,7 +51,7 @@ class OrderComparison(NamedTuple):
     gaps: tuple[str, ...] | None
 
     @property
-    def told(self) -> str:
+    def words(self) -> str:
         """The comparison in words; its end is open if the model has to finish it."""
         if self.gaps is None:
             return f"{self.planned}; "
@@ -78,7 +78,7 @@ def compared_grammar(
     """
     reading_text = opening.partition(': "')[2].removesuffix(PLANNED)
     compared = compare_with_order(reading_text, moves)
-    comparison = exactly((reading_text + PLANNED + compared.told)[:COMPARED_CHARS])
+    comparison = exactly((reading_text + PLANNED + compared.words)[:COMPARED_CHARS])
     if compared.gaps is None:
         comparison += f"{WORD}+"
     elif executed and not compared.gaps:
@@ -191,7 +191,7 @@ async def _taken_instead(
     if (
         _acts(shown)
         and not _acts(other)
-        and not shown.gaps_told
+        and not shown.all_gaps
         and _is_in_vain(context, reading_text)
     ):
         return None

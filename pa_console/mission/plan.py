@@ -88,7 +88,7 @@ class Candidate:
         return min((sure for sure in reported if sure is not None), default=None)
 
     @property
-    def gaps_told(self) -> tuple[str, ...]:
+    def all_gaps(self) -> tuple[str, ...]:
         """The evidence against the reading of the order, in words.
 
         If a model on a server reports no confidence, a judge that read the order by itself has to
@@ -247,7 +247,7 @@ async def _first_sound(
             break
         best = better(best, await _examined(context, answered.retrieved, other, reading))
     if readable and not best.sound:
-        best = await with_commands_given(context, answered, answered.said, reading, best)
+        best = await with_commands_given(context, answered, answered.reading, reading, best)
     return best
 
 
@@ -296,7 +296,7 @@ async def _examined(
         moves = PlanMoves(fleet.world, before, plan_)
         amiss = gaps(moves, within_capability(reading, fleet.world))
         left = unmet_asks(moves, reading, task.text)
-    unmet = tuple(part.told for part in left)
+    unmet = tuple(part.words for part in left)
     mentions = NOTHING_SAID
     if not own and not retrieved.chosen:
         reading_text = asked_words(plan_.reason).rstrip("; ")
@@ -327,7 +327,7 @@ async def _examined(
         examination,
         amiss,
         unmet,
-        any(not part.so for part in left),
+        any(not part.fulfilled for part in left),
         mentions,
         attempt.confidence,
         own=own,

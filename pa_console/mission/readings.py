@@ -171,7 +171,9 @@ def _serves(moves: PlanMoves, shown: Candidate, reading_text: str, text: str) ->
     still = all(action.verb == "hold" for action in moves.plan.actions)
     if reading is None or still or shown.gaps or shown.narrowed or shown.mentions.gaps:
         return False
-    return not gaps(moves, reading) and all(part.so for part in unmet_asks(moves, reading, text))
+    return not gaps(moves, reading) and all(
+        part.fulfilled for part in unmet_asks(moves, reading, text)
+    )
 
 
 async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str) -> Plan:

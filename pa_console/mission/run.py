@@ -271,9 +271,9 @@ class MissionRun:
             answer, scene.world, services.rulebook
         )
         words = {"text": meaning[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
-        if question.said:
+        if question.words:
             if meaning in question.choices or names_something(scene, meaning):
-                self._answers[question.said] = meaning
+                self._answers[question.words] = meaning
             words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
         else:
             self._answers.clear()

@@ -47,11 +47,11 @@ class RefusedMission:
 class NotUnderstood:
     """A mission with words that are not clear as an order, and the `question` about them.
 
-    If only the words `said` are unclear, `choices` has their possible meanings.
+    If only the `words` are unclear, `choices` has their possible meanings.
     """
 
     question: str
-    said: str = ""
+    words: str = ""
     choices: tuple[str, ...] = ()
     describes: bool = False
     """True if the words describe assets, so that a model with enough confidence may settle the
@@ -79,7 +79,7 @@ class Understood:
     def described(self) -> tuple[str, tuple[str, ...]]:
         """The words that describe an asset, and the assets that they may mean."""
         question = self.unsettled
-        return (question.said, question.choices) if question is not None else ("", ())
+        return (question.words, question.choices) if question is not None else ("", ())
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ async def _standing(
     order = StandingOrder(
         id=services.standing.new_id(),
         text=mission.said,
-        each=standing.condition.each,
+        each=standing.condition.subject_kind,
         condition=standing.condition.cel,
         words=standing.condition.words,
         order=standing.order,
@@ -245,7 +245,7 @@ async def _standing(
     if refused := await _refused(context, sample):
         return refused
     read = await asyncio.to_thread(_read, replace(context, mission=sample), {})
-    if isinstance(read, NotUnderstood) and not read.said:
+    if isinstance(read, NotUnderstood) and not read.words:
         return NotUnderstood(f"what it orders is not understood: {read.question}")
     return StandingOffer(condition, now)
 
@@ -265,7 +265,7 @@ async def _timed(
     if timed is None:
         return None
     if isinstance(timed, Unclear):
-        return NotUnderstood(timed.question, timed.said, timed.choices)
+        return NotUnderstood(timed.question, timed.words, timed.choices)
     if problem := _time_of_a_step(_scene(context), mission.text, timed.order, now):
         return NotUnderstood(problem)
     sample = mission.model_copy(update={"text": timed.order, "typed": ""})
@@ -276,7 +276,7 @@ async def _timed(
     if isinstance(read, Understood) and read.patrol is not None:
         read = _timed_patrol(_scene(context), timed.schedule, read, read.patrol)
     if isinstance(read, NotUnderstood):
-        if read.said:
+        if read.words:
             return read
         whole = "Say the whole order anew, with its time."
         return NotUnderstood(f"what it orders is not understood: {read.question} {whole}")
@@ -325,17 +325,21 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     text = resolved.text if isinstance(resolved, ResolvedOrder) else mission.text
     if isinstance(resolved, Unclear) and resolved.choices:
         # Before it is resolved, *Send it home* would name nothing of this site.
-        text = with_answers(text, {resolved.said: resolved.choices[0]})
+        text = with_answers(text, {resolved.words: resolved.choices[0]})
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
     for words in dict.fromkeys((mission.text, text)):
         if (excluded := contradiction(world, words)) is not None:
             return NotUnderstood(excluded.question)
     if isinstance(resolved, Unclear):
-        return NotUnderstood(resolved.question, resolved.said, resolved.choices, resolved.describes)
+        return NotUnderstood(
+            resolved.question, resolved.words, resolved.choices, resolved.describes
+        )
     if resolved.text == mission.text or len(resolved.text) > MAX_MISSION_TEXT:
         return Understood(mission)
-    references = tuple(ev.Reference(said=phrase, means=means) for phrase, means in resolved.meant)
+    references = tuple(
+        ev.Reference(said=phrase, means=means) for phrase, means in resolved.meanings
+    )
     read = mission.model_copy(update={"text": resolved.text, "typed": mission.said})
     return Understood(read, references, resolved.undoes, resolved.corrects)
 

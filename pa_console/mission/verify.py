@@ -222,8 +222,8 @@ def _dealt_with(action: Action, track: Track) -> bool:
 class OutcomeCase:
     """An executed plan with its verification, and the pictures `before` and after it.
 
-    `selection` is the part of the picture that the plan was made from; None means all of it. `said`
-    is the judge's feedback on the plan, if there is one, so that the order is read only once.
+    `selection` is the part of the picture that the plan was made from; None means all of it.
+    `feedback` is the judge's on the plan, if there is one, so that the order is read only once.
     """
 
     task: Mission
@@ -232,7 +232,7 @@ class OutcomeCase:
     selection: Selection | None
     plan: Plan
     verification: Verification
-    said: str = ""
+    feedback: str = ""
 
 
 def ask_about_outcome(
@@ -249,7 +249,7 @@ def ask_about_outcome(
     def goes_on(opening: str) -> str:
         return compared_grammar(opening, moves, executed=True)
 
-    reading, compared, _ = case.said.partition(PLANNED)
+    reading, compared, _ = case.feedback.partition(PLANNED)
     if compared and read_asked(reading) is not None:
         return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{reading}{PLANNED}'))
     return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
@@ -284,14 +284,14 @@ class OutcomeVerdicts:
         self._start, self._between_missions = start, between_missions
         self._waiting: deque[_Verification] = deque()
         self._turn = asyncio.Lock()
-        self.all_told = asyncio.Event()
+        self.all_settled = asyncio.Event()
         """Set while no verdict is outstanding."""
-        self.all_told.set()
+        self.all_settled.set()
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
         """Queue the question to the judge whether the executed plan `attempt` succeeded."""
         self._waiting.append(_Verification(context, attempt, case))
-        self.all_told.clear()
+        self.all_settled.clear()
 
     def go_on(self) -> None:
         """Start to request outstanding verdicts; the mission does not need the model now."""
@@ -321,7 +321,7 @@ class OutcomeVerdicts:
         """Emit the oldest outstanding verdict and remove it from the queue."""
         self._waiting.popleft().context.emit(verdict)
         if not self._waiting:
-            self.all_told.set()
+            self.all_settled.set()
 
 
 async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:

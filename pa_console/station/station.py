@@ -579,9 +579,9 @@ class ControlStation:
 
     async def settled(self) -> None:
         """Wait until no mission is active, none waits, and every outcome is judged."""
-        while not (self._worker.idle.is_set() and self._verdicts.all_told.is_set()):
+        while not (self._worker.idle.is_set() and self._verdicts.all_settled.is_set()):
             await self._worker.idle.wait()
-            await self._verdicts.all_told.wait()
+            await self._verdicts.all_settled.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
         """Emit a change in the state of the LLM worker."""

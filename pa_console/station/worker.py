@@ -119,7 +119,7 @@ class MissionWorker:
         No asset moves for a mission in the meantime.
         """
         if self._run is None:
-            return not self._verdicts.all_told.is_set()
+            return not self._verdicts.all_settled.is_set()
         return not self._run.moving
 
     @property

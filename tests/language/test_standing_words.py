@@ -98,7 +98,7 @@ def test_whatever_is_said_it_compiles_is_asked_about_or_is_none(said: list[str])
     if not isinstance(read, ReadStanding):
         return
     order = StandingOrder(
-        id="S1", text="t", each=read.condition.each, condition=read.condition.cel,
+        id="S1", text="t", each=read.condition.subject_kind, condition=read.condition.cel,
         words=read.condition.words, order=read.order,
     )  # fmt: skip
     holding = StandingCondition(order, WORLD).holding(SCENE.picture)

@@ -117,7 +117,7 @@ def test_an_answer_settles_the_time() -> None:
     asked = read_timed(WORLD, text, NOW)
     assert isinstance(asked, Unclear)
     assert asked.choices == ("at 09:00", "at 21:00")
-    found = read_timed(WORLD, text, NOW, {asked.said: asked.choices[1]})
+    found = read_timed(WORLD, text, NOW, {asked.words: asked.choices[1]})
     assert isinstance(found, ReadTimed)
     assert found.schedule.start.hour == 21
 

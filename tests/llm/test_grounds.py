@@ -272,9 +272,9 @@ def test_tracks_are_read_back_from_the_digest() -> None:
     hostile, stranger = tracks_of_digest(DIGEST.tracks)
     assert (hostile.id, hostile.gate, hostile.here) == ("Track_02", "HillGate", False)
     assert (hostile.identity, hostile.intent) == ("unauthorized", "hostile")
-    assert hostile.known == "unauthorized, intent hostile"
+    assert hostile.identity_words == "unauthorized, intent hostile"
     assert (stranger.id, stranger.kind, stranger.here) == ("Track_01", "vehicle", True)
-    assert (stranger.step, stranger.known) == ("not observed", "not identified")
+    assert (stranger.step, stranger.identity_words) == ("not observed", "not identified")
 
 
 def test_the_judge_says_what_was_asked_without_any_facts() -> None:

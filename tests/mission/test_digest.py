@@ -52,7 +52,7 @@ def test_a_disputed_identity_is_told_as_such() -> None:
     [line] = digest_picture(picture(tracks=(seen,)), WORLD).tracks
     assert "not identified, identity disputed, not observed" in line
     [read] = tracks_of_digest((line,))
-    assert (read.identity, read.known) == ("", "not identified")
+    assert (read.identity, read.identity_words) == ("", "not identified")
 
 
 assets = st.lists(

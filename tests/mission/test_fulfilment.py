@@ -313,15 +313,17 @@ def test_of_an_outcome_what_was_asked_is_not_read_again() -> None:
     done = Verification(outcome="pass", actions=())
     task = Mission(id="M1", text="One drone to EastGate.", created=datetime(2026, 1, 1, tzinfo=UTC))
     case = OutcomeCase(task, plan.before, plan.before, None, plan.plan, done)
-    read = replace(case, said="asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits")
+    read = replace(
+        case, feedback="asked: 1 drone to EastGate; planned: 1 drone to EastGate; it fits"
+    )
     compact = PROMPT_FORMATS["compact"]
-    whole = answer(f"{read.said}; done", "Success")
+    whole = answer(f"{read.feedback}; done", "Success")
     assert accepts(ask_about_outcome(compact, WORLD, read).grammar, whole)
     anew = ask_about_outcome(compact, WORLD, case)
     assert accepts(anew.grammar, OPENING)
     assert anew.goes_on is not None
     assert accepts(anew.goes_on(OPENING), whole)
-    unread = ask_about_outcome(compact, WORLD, replace(case, said="the plan is fine"))
+    unread = ask_about_outcome(compact, WORLD, replace(case, feedback="the plan is fine"))
     assert unread.grammar == anew.grammar
 
 
@@ -380,5 +382,5 @@ def test_a_plan_of_any_length_leaves_a_readable_verdict() -> None:
     orders = [f"{name} move_to {rng.choice(WORLD.gates)}" for name in names]
     grammar = compared_grammar(OPENING, moves(*orders))
     compared = compare_with_order("asked: 1 drone to EastGate", moves(*orders))
-    said = f"asked: 1 drone to EastGate; planned: {compared.told}"
+    said = f"asked: 1 drone to EastGate; planned: {compared.words}"
     assert accepts(grammar, answer(said, "Failure"))

@@ -131,7 +131,7 @@ def test_who_is_sent_from_a_place_does_not_account_for_an_order_to_go_there(site
 
 def test_every_mention_is_listed_with_whether_it_is_accounted_for(site: Site) -> None:
     found = check(site, "Send Drone_T04 to base.", "Drone_T04 to WestGate")
-    listed = {(one.mention.sort, one.mention.said): one.accounted for one in found.mentions}
+    listed = {(one.mention.sort, one.mention.words): one.accounted for one in found.mentions}
     assert listed["asset", "Drone_T04"]
     assert not listed["place", "base"]
 

@@ -23,7 +23,7 @@ def told(
 ) -> tuple[str, ...]:
     reading = read_asked(f"asked: {words}")
     assert reading is not None
-    return tuple(one.told for one in unmet_asks(moves(*orders, setup=setup), reading, text))
+    return tuple(one.words for one in unmet_asks(moves(*orders, setup=setup), reading, text))
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_of_whole_orders_with_proven_plans_nothing_is_told(number: int) -> None:
         reading = mission.order.reading
         plan = PlanMoves(now.world, now.picture, mission.plan)
         idle = all(action.verb == "hold" for action in mission.plan.actions)
-        if any("in sight" not in one.told for one in unmet_asks(plan, reading, "who is free")):
+        if any("in sight" not in one.words for one in unmet_asks(plan, reading, "who is free")):
             assert idle or len(reading.asks) > 1
 
 

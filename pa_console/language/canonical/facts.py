@@ -71,7 +71,7 @@ class DigestTrack:
         )
 
     @property
-    def known(self) -> str:
+    def identity_words(self) -> str:
         """The known identity in words."""
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
@@ -175,14 +175,14 @@ def stands_at(digest: Digest, name: str) -> str:
     return digest.posts[name].partition(" at ")[2]
 
 
-def told_assets(world: World, digest: Digest) -> list[str]:
+def shown_assets(world: World, digest: Digest) -> list[str]:
     """Return the assets in `digest`; in a large world, only the selected ones."""
     if digest.selection is None:
         return list(world.assets)
     return [name for name in world.assets if name in digest.posts or name in digest.down]
 
 
-def told_frames(world: World, digest: Digest) -> Iterable[str]:
+def shown_frames(world: World, digest: Digest) -> Iterable[str]:
     """Return the frames in `digest`; in a large world, only the selected ones."""
     if digest.selection is None:
         return world.frames
@@ -197,7 +197,7 @@ def conditions(world: World, digest: Digest) -> Iterator[Condition]:
                 yield Condition(fact=fact, subject=gate, track=kind)
         for fact in _COVER:
             yield Condition(fact=fact, subject=gate)
-    for name in told_assets(world, digest):
+    for name in shown_assets(world, digest):
         for fact in _STATE:
             yield Condition(fact=fact, subject=name)
     for fact in _SPARE:
@@ -246,7 +246,9 @@ def evidence(condition: Condition, digest: Digest) -> str:
         case "authorized" | "unauthorized" | "hostile":
             here = [track for track in facts.tracks(subject) if condition.track in ("", track.kind)]
             deciding = [track for track in here if decides(condition, track)]
-            lines = [f"{track.id} {track.kind}, {track.known}" for track in (*deciding, *here)]
+            lines = [
+                f"{track.id} {track.kind}, {track.identity_words}" for track in (*deciding, *here)
+            ]
             return f"At {subject}: {lines[0] if lines else 'no track'}"
         case "uncovered" | "covered":
             return f"{subject}: {guard(subject, digest)}"

@@ -49,7 +49,10 @@ _ANY = NamePatterns(
     place=NAME,
     gate=NAME,
     team=TEAM.pattern(
-        {slot: f"(?P<{slot}>{said})" for slot, said in (*TEAM_SLOTS.items(), ("origin", NAME))}
+        {
+            slot: f"(?P<{slot}>{pattern})"
+            for slot, pattern in (*TEAM_SLOTS.items(), ("origin", NAME))
+        }
     ),
     track=rf"(?P<track_id>{NAME}) at (?P<at>{NAME}|{NOWHERE})",
     guard=rf"(?P<leaving>{NAME})( at (?P<place>{NAME}|{NOWHERE}))?",

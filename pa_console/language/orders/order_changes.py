@@ -210,14 +210,14 @@ def _assets(
         return tuple(pointed) if len(pointed) == 1 else ()
     if " ".join(words) in _ALL:
         return tuple(taken)
-    names = [scene.assets_said.get(word, "") for word in words if word not in _JOINED]
+    names = [scene.assets_by_word.get(word, "") for word in words if word not in _JOINED]
     if names and all(names):
         return tuple(dict.fromkeys(names))
     phrase = text[tokens[0].start : tokens[-1].end]
     described = [*find_descriptions(scene, read_tokens(phrase), phrase)]
     if len(described) != 1 or described[0].sort != "asset":
         return ()
-    description = replace(described[0], said=phrase)
+    description = replace(described[0], words=phrase)
     if (description.start, description.end) != (0, len(phrase)):
         return ()
     fit = fitting(scene, description)

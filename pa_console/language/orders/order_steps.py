@@ -50,7 +50,7 @@ class ReadSteps:
 class _Awaited:
     """Words that introduce a condition: *once Robot_T01 is at the north gate*."""
 
-    said: str
+    words: str
     names: tuple[str, ...]
     """The assets that are named."""
     place: str
@@ -378,13 +378,13 @@ class _Cutter:
 
     def _is_ordered(self, awaited: _Awaited, body: str) -> None:
         """Ask about an awaited asset that no earlier step sends anywhere."""
-        before = {self._tokens[at].said.lower() for part in self.parts for at in part}
+        before = {self._tokens[at].written.lower() for part in self.parts for at in part}
         if any(name.lower() not in before for name in awaited.names):
             self._ask_about(awaited, body)
 
     def _ask_about(self, awaited: _Awaited, body: str) -> None:
         subject = " and ".join(awaited.names) or "nobody"
-        problem = f"“{awaited.said}”: nothing in the order before sends {subject} there."
+        problem = f"“{awaited.words}”: nothing in the order before sends {subject} there."
         choices: tuple[str, ...] = ()
         if awaited.names and awaited.place and body and body != "...":
             home = awaited.place == self._scene.world.base
@@ -399,7 +399,7 @@ class _Cutter:
         words = self.words(part)
         step_words = {self._tokens[at].word for at in part}
         single = {word.removesuffix("s") for word in step_words}
-        if single & {*KINDS, *ASSETS, *self._scene.assets_said} or step_words & EVERYBODY:
+        if single & {*KINDS, *ASSETS, *self._scene.assets_by_word} or step_words & EVERYBODY:
             return True
         lead = read_tokens(words)[:1]
         if lead and lead[0].word in _OWN_VERBS | _IMPERATIVES | {*_WORDS["elided"]}:
@@ -438,7 +438,7 @@ class _Cutter:
         lead = self._tokens[next(at for at in part if self._tokens[at].word not in _FILLERS)].word
         names, kinds = self._subjects(before)
         step_words = {self._tokens[at].word for at in part}
-        if step_words & {*self._scene.assets_said, *KINDS, "both"} or step_words & EVERYBODY:
+        if step_words & {*self._scene.assets_by_word, *KINDS, "both"} or step_words & EVERYBODY:
             return words
         several = len(names) > 1
         if lead in _WORDS["elided"]:
@@ -451,7 +451,7 @@ class _Cutter:
     def _subjects(self, part: Sequence[int]) -> tuple[tuple[str, ...], set[AssetKind]]:
         """Return the assets and kinds that a step names."""
         words = [self._tokens[at].word for at in part]
-        assets = self._scene.assets_said
+        assets = self._scene.assets_by_word
         names = tuple(dict.fromkeys(assets[word] for word in words if word in assets))
         kinds: set[AssetKind] = {self._scene.world.assets[name].kind for name in names}
         return names, kinds or {KINDS[word] for word in words if word in KINDS}

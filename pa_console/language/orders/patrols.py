@@ -43,7 +43,7 @@ class Patrol:
     places: tuple[str, ...]
     laps: int
     stay_s: float
-    who: str = ""
+    asset: str = ""
     """The name of the asset; '' for any asset of the `kind`."""
     kind: AssetKind | None = None
     any_order: bool = False
@@ -52,7 +52,7 @@ class Patrol:
     @property
     def words(self) -> str:
         """The patrol in words."""
-        subject = self.who or (f"a {self.kind}" if self.kind else "an asset")
+        subject = self.asset or (f"a {self.kind}" if self.kind else "an asset")
         order = ", nearest first" if self.any_order else ""
         laps = f"{self.laps} laps" if self.laps > 1 else "one lap"
         stay = f", {duration_words(self.stay_s)} at each" if self.stay_s else ""
@@ -99,7 +99,7 @@ class _Reading:
                 reader.at = start
             else:
                 if reader.word() not in _FILLERS:
-                    self._left.append(reader.said())
+                    self._left.append(reader.written())
                 reader.at += 1
 
     def _takes_laps(self) -> bool:

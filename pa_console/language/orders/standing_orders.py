@@ -97,7 +97,7 @@ _STRAY = frozenset(_WORDS["stray"])
 class ReadCondition:
     """A condition: the kind of its subjects, and its form in CEL and in plain words."""
 
-    each: SubjectKind
+    subject_kind: SubjectKind
     cel: str
     words: str
 
@@ -106,9 +106,9 @@ class ReadCondition:
 class _ConditionParts:
     """The parts read so far: the kind of the subject, its words, and the terms in CEL."""
 
-    each: SubjectKind = "asset"
-    who: str = ""
-    where: str = ""
+    subject_kind: SubjectKind = "asset"
+    noun: str = ""
+    location: str = ""
     terms: list[str] = field(default_factory=list[str])
 
 
@@ -120,16 +120,18 @@ def read_condition(scene: ReferenceScene, tokens: Sequence[WordToken]) -> ReadCo
     if parts is None:
         return None
     _place(scene, reader, parts)
-    state = "is there" if there_is and parts.each == "track" and parts.where else ""
+    state = "is there" if there_is and parts.subject_kind == "track" and parts.location else ""
     if state:
         parts.terms.append(_STAYS)
     else:
-        predicate = {"asset": _of_asset, "gate": _of_gate, "track": _of_track}[parts.each]
+        predicate = {"asset": _of_asset, "gate": _of_gate, "track": _of_track}[parts.subject_kind]
         state = predicate(scene, reader, parts)
     reader.skip(frozenset((",", ".", "!", "again", "now")))
     if not state or not reader.over:
         return None
-    return ReadCondition(parts.each, " && ".join(parts.terms), f"{parts.who}{parts.where} {state}")
+    return ReadCondition(
+        parts.subject_kind, " && ".join(parts.terms), f"{parts.noun}{parts.location} {state}"
+    )
 
 
 # ------------------------------------------------------------------ the subject
@@ -195,22 +197,26 @@ def _other_noun(reader: Reader) -> _ConditionParts | None:
     if kind := words.CONTACTS[word]:
         parts.terms.append(f"it.kind == {_text(kind)}")
     noun = " ".join((*adjectives, kind or "visitor"))
-    parts.who = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+    parts.noun = f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
     return parts
 
 
 def _place(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> None:
     """Read *at the east gate* after an asset or a track."""
     start = reader.at
-    if parts.each == "gate" or not reader.take_in(words.IN):
+    if parts.subject_kind == "gate" or not reader.take_in(words.IN):
         return
     place = place_at(scene, reader)
-    if not place or (parts.each == "track" and place not in scene.gates):
+    if not place or (parts.subject_kind == "track" and place not in scene.gates):
         reader.at = start
         return
-    parts.where = f" at {place}"
+    parts.location = f" at {place}"
     quoted = _text(place)
-    at = f"(it.post == {quoted} || it.at == {quoted})" if parts.each == "asset" else _gate(place)
+    at = (
+        f"(it.post == {quoted} || it.at == {quoted})"
+        if parts.subject_kind == "asset"
+        else _gate(place)
+    )
     parts.terms.append(at)
 
 
@@ -255,7 +261,9 @@ def _state(reader: Reader, parts: _ConditionParts) -> str:
 
 
 def _arrives(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
-    if parts.where or not reader.take("at", "arrives at", "reaches", "back at", "comes to", "in"):
+    if parts.location or not reader.take(
+        "at", "arrives at", "reaches", "back at", "comes to", "in"
+    ):
         return ""
     place = place_at(scene, reader)
     return _with_term(parts, f"it.at == {_text(place)}", f"is at {place}") if place else ""
@@ -326,7 +334,9 @@ def _of_track(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> 
 def _comes(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
     """Read the destination of a track and return its movement in words."""
     target = _target(scene, reader, parts, "to")
-    return _with_term(parts, _STAYS, f"comes{target or (' to a gate' if not parts.where else '')}")
+    return _with_term(
+        parts, _STAYS, f"comes{target or (' to a gate' if not parts.location else '')}"
+    )
 
 
 def _is_track(scene: ReferenceScene, reader: Reader, parts: _ConditionParts) -> str:
@@ -350,7 +360,7 @@ def _target(scene: ReferenceScene, reader: Reader, parts: _ConditionParts, joint
     """Read the destination of a contact: *to the east gate*, *at any gate*; return '' if none."""
     start = reader.at
     reader.take("to", "at", "towards", "toward", "for", "in front of", "near", "outside")
-    if not parts.where and (place := place_at(scene, reader)) in scene.gates:
+    if not parts.location and (place := place_at(scene, reader)) in scene.gates:
         parts.terms.append(_gate(place))
         return f" {joint} {place}"
     if reader.take("a gate", "any gate", "one of the gates", "the gates", "any of the gates",
@@ -406,7 +416,7 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
     for condition, order in parts:
         reading = read_condition(scene, read_tokens(condition))
         if reading is not None:
-            template = _with_slots(reading.each, order)
+            template = _with_slots(reading.subject_kind, order)
             if isinstance(template, Unclear):
                 return template
             return ReadStanding(reading, template, unasked, most)
@@ -455,11 +465,11 @@ def _with_slots(subject_kind: SubjectKind, order: str) -> str | Unclear:
             text += order[done : tokens[at].start] + slot
             done = tokens[reader.at - 1].end
         elif tokens[at].word in _STRAY:
-            word = tokens[at].said
+            word = tokens[at].written
             return Unclear("", f"What does “{word}” stand for in “{order}”? Say it anew.")
         at = max(at + 1, reader.at)
     text = " ".join((text + order[done:]).split())
-    text = text if tokens and tokens[0].said[:1].isupper() else f"{text[:1].upper()}{text[1:]}"
+    text = text if tokens and tokens[0].written[:1].isupper() else f"{text[:1].upper()}{text[1:]}"
     return text if text.endswith((".", "!")) else f"{text}."
 
 

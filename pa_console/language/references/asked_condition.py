@@ -167,7 +167,7 @@ def _order(
             done = tokens[reader.at - 1].end
         at = max(at + 1, reader.at)
     text += rest[done:].rstrip()
-    text = text if tokens[0].said in scene.world.assets else f"{text[:1].lower()}{text[1:]}"
+    text = text if tokens[0].written in scene.world.assets else f"{text[:1].lower()}{text[1:]}"
     words = {token.word for token in tokens}
     if is_gate and not placed and not words & _STAYS_PUT and not words & {"everyone", "nobody"}:
         text = f"{text.rstrip('.! ')} to {subject}."

@@ -36,7 +36,7 @@ class ResolvedReference:
 
     start: int
     end: int
-    said: str
+    words: str
     means: str
     becomes: str = ""
 
@@ -50,7 +50,7 @@ class ResolvedReference:
 class Unclear:
     """Words that fit several things or none, with the question to ask and the possible answers."""
 
-    said: str
+    words: str
     question: str
     choices: tuple[str, ...] = ()
     describes: bool = False
@@ -113,13 +113,13 @@ class _NameInOrder:
 
 @dataclass(frozen=True)
 class ResolvedOrder:
-    """An order after resolution: its `text`, and the references that were replaced (`meant`).
+    """An order after resolution: its `text`, and the references that were replaced (`meanings`).
 
     It may take back the last order (`undoes`) or replace it (`corrects`).
     """
 
     text: str
-    meant: tuple[tuple[str, str], ...] = ()
+    meanings: tuple[tuple[str, str], ...] = ()
     undoes: bool = False
     corrects: bool = False
 
@@ -156,7 +156,7 @@ def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     """
     if scene.last is None:
         return ()
-    return tuple(dict.fromkeys(t.said for t in read_tokens(text) if t.word in _STILL_LEANING))
+    return tuple(dict.fromkeys(t.written for t in read_tokens(text) if t.word in _STILL_LEANING))
 
 
 _STILL_LEANING = frozenset(_WORDS["still_leaning"])
@@ -201,7 +201,7 @@ class _Turn:
                 return order
         return self._asked_too() or self._pronouns()
 
-    # ---------------------------------------------------------------- what is said
+    # ---------------------------------------------------------------- names and words
 
     def _names(self) -> tuple[list[_NameInOrder], list[_NameInOrder]]:
         assets, places = list[_NameInOrder](), list[_NameInOrder]()
@@ -550,7 +550,7 @@ class _Turn:
         if not references or not self._asks:
             return None
         pairs = tuple(
-            (reference.said, reference.means) for reference in references if reference.means
+            (reference.words, reference.means) for reference in references if reference.means
         )
         return ResolvedOrder(substituted(self._text, references), pairs)
 
@@ -578,7 +578,7 @@ class _Turn:
         reader = Reader(self._tokens, at)
         if within and reader.take("both"):
             both = self._tokens[at]
-            return ResolvedReference(both.start, both.end, both.said, ""), reader.at
+            return ResolvedReference(both.start, both.end, both.written, ""), reader.at
         if reader.take(*_THEM, *_THEY) and reader.word() not in ("of", "robots", "drones"):
             they = self._last_assets()
             return self._replaced(at, reader.at, listed(they)) if they else None

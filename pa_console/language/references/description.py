@@ -77,7 +77,7 @@ class Group:
     """True if any member will do: *Drone_T04 or Ugv_T02*, *a robot*."""
     clear: bool = True
     """False if its number does not match the picture: *the two drones*, if there are four."""
-    spoken: bool = True
+    mentioned: bool = True
     """False for the assets that moved last and that the order does not mention."""
     picked: set[str] = field(default_factory=set[str])
     bound: bool = False
@@ -94,7 +94,7 @@ class Description:
 
     start: int
     end: int
-    said: str
+    words: str
     sort: Sort
     traits: tuple[Trait, ...] = ()
     ranking: Superlative | None = None
@@ -118,7 +118,7 @@ def fitting(scene: ReferenceScene, description: Description) -> tuple[str, ...]:
     fit = [name for name in names if all(trait(scene, name) for trait in description.traits)]
     if (group := description.group) is not None:
         within = [name for name in fit if name in group.members]
-        fit = within if within or group.spoken else fit
+        fit = within if within or group.mentioned else fit
     ranking = description.ranking
     if ranking is None or not fit:
         return tuple(fit)
@@ -297,7 +297,7 @@ class SentenceGroups:
         agents = dict.fromkeys(move.agent for move in last.moves) if last is not None else ()
         self.latest = tuple(name for name in agents if name in self.scene.world.assets)
         if len(self.latest) > 1:
-            self.current = Group(self.latest, "asset", spoken=False)
+            self.current = Group(self.latest, "asset", mentioned=False)
             self.opened.append(self.current)
 
     @property
@@ -312,7 +312,7 @@ class SentenceGroups:
         picked = (g for g in reversed(self.opened) if 0 < len(g.picked) < len(g.members))
         return next(picked, None)
 
-    def spoken_of(self, team: Collection[str]) -> frozenset[str]:
+    def last_mentioned(self, team: Collection[str]) -> frozenset[str]:
         """Return the assets of `team` mentioned last: in the order, or in the last two missions."""
         past = [mission for mission in self.scene.past if not mission.undid]
         turns = [{move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1]]
@@ -409,5 +409,5 @@ class SentenceGroups:
             names.append(name)
             end = reader.at
             while joint := reader.take(*_JOINTS):
-                choice = choice or (joint == "or" and reader.said() in self.scene.world.assets)
+                choice = choice or (joint == "or" and reader.written() in self.scene.world.assets)
         return ReadSet(tuple(names), "asset", end, choice=choice) if len(names) > 1 else None

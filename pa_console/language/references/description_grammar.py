@@ -114,7 +114,7 @@ class _DescriptionParser:
         ways = (self._possessive, self._pronoun, self._one_of_two, self._noun_phrase)
         if not any(way() for way in ways):
             return None
-        if not partial.describes and not self._spoken_of() and not self._one_at_each():
+        if not partial.describes and not self._mentioned_before() and not self._one_at_each():
             return None
         if not self._definite and partial.ranking is None:
             return None
@@ -156,7 +156,7 @@ class _DescriptionParser:
         return Description(
             start=start,
             end=end,
-            said=self._text[start:end],
+            words=self._text[start:end],
             sort=partial.sort,
             traits=tuple(partial.traits),
             ranking=partial.ranking,
@@ -174,7 +174,7 @@ class _DescriptionParser:
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading
 
-    def _spoken_of(self) -> bool:
+    def _mentioned_before(self) -> bool:
         """Read *the drone* as the one mentioned in the order, or else in the last two missions.
 
         Returns False if none was mentioned, so that any drone will do.
@@ -183,7 +183,7 @@ class _DescriptionParser:
             return False
         if not self._stands_alone():
             return False  # the noun belongs to a longer one: *the aircraft carrier*
-        about = self._groups.spoken_of(self._team)
+        about = self._groups.last_mentioned(self._team)
         return bool(about) and self._partial.say(lambda _, name: name in about)
 
     def _one_at_each(self) -> bool:
@@ -237,7 +237,7 @@ class _DescriptionParser:
             self._of_set()
         elif reader.take("whichever"):
             self._group = self._groups.open
-            if not self._of_set() and (self._group is None or not self._group.spoken):
+            if not self._of_set() and (self._group is None or not self._group.mentioned):
                 reader.at, self._group = start, None
                 return False
             self._any = self._definite = True
@@ -392,13 +392,13 @@ class _DescriptionParser:
         group = self._groups.open
         if word in ("one", "ones") and group is not None and not self._other:
             self._group = self._group or group
-            if group.spoken:
+            if group.mentioned:
                 reader.at += 1
                 partial.sort = group.sort
                 return True
         if self._definite and not self._other and reader.word() in ("others", "rest"):
             rest = self._groups.rest
-            if rest is None or not rest.spoken or self.reader.word(-2) in words.LEAVING:
+            if rest is None or not rest.mentioned or self.reader.word(-2) in words.LEAVING:
                 return False
             reader.at += 1
             self._number, self._other, partial.describes = 0, True, True
@@ -455,7 +455,7 @@ class _DescriptionParser:
     def _from_open(self) -> bool:
         """Pick from the set that the order has introduced; return False if there is none."""
         group = self._groups.open
-        self._group = group if group is not None and group.spoken else None
+        self._group = group if group is not None and group.mentioned else None
         return self._group is not None
 
     def _leave_out(self) -> None:
@@ -471,7 +471,7 @@ class _DescriptionParser:
             return
         pronoun = self._nameless and bool(self._groups.latest)
         tokens = self.reader.tokens[: self._first] if pronoun else self.reader.tokens
-        named = {token.said.lower() for token in tokens}
+        named = {token.written.lower() for token in tokens}
         out = [n for n in (*scene.world.assets, *scene.gates) if n.lower() in named]
         out += self._groups.named
         if not any(name in scene.world.assets for name in out) and last is not None:

@@ -21,7 +21,7 @@ class WordToken(NamedTuple):
     """A word in lower case and as written, with the range of its characters."""
 
     word: str
-    said: str
+    written: str
     start: int
     end: int
 
@@ -65,9 +65,9 @@ class Reader:
         index = self.at + ahead
         return self.tokens[index].word if 0 <= index < len(self.tokens) else ""
 
-    def said(self) -> str:
+    def written(self) -> str:
         """Return the word at the cursor as written; '' at the end."""
-        return self.tokens[self.at].said if self.at < len(self.tokens) else ""
+        return self.tokens[self.at].written if self.at < len(self.tokens) else ""
 
     @property
     def over(self) -> bool:
@@ -157,7 +157,7 @@ def place_at(scene: ReferenceScene, reader: Reader) -> str:
     start = reader.at
     reader.take("the", "our")
     word = reader.word()
-    frame = scene.frames_said.get(word, "")
+    frame = scene.frames_by_word.get(word, "")
     if not frame and word in ("base", "home"):
         frame = scene.world.base
     if not frame and word not in ("", "gate"):
@@ -175,7 +175,7 @@ def place_at(scene: ReferenceScene, reader: Reader) -> str:
 
 def asset_at(scene: ReferenceScene, reader: Reader) -> str:
     """Read the name of an asset; return it, or ''."""
-    name = scene.assets_said.get(reader.said().lower(), "")
+    name = scene.assets_by_word.get(reader.written().lower(), "")
     if name:
         reader.at += 1
     return name

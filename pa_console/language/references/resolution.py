@@ -157,7 +157,7 @@ def resolve(
     if isinstance(retold, Unclear):
         return retold
     if retold is not None:
-        return replace(retold, meant=(*meanings, *retold.meant))
+        return replace(retold, meanings=(*meanings, *retold.meanings))
     if (gate := _open_gate(scene, now)) is not None:
         return gate
     return ResolvedOrder(now.strip(), tuple(meanings)) if meanings else ResolvedOrder(text)
@@ -215,8 +215,8 @@ def _described(
     descriptions: list[Description] = []
     references: list[ResolvedReference] = []
     quoted = [span.span() for span in _QUOTED.finditer(text)]
-    for description in find_descriptions(scene, tokens, text, groups):
-        description = replace(description, said=linked.said(description.start, description.end))  # noqa: PLW2901
+    for match in find_descriptions(scene, tokens, text, groups):
+        description = replace(match, words=linked.original_words(match.start, match.end))
         descriptions.append(description)
         if any(start <= description.start < end for start, end in quoted):
             continue
@@ -230,7 +230,7 @@ def _described(
             place = _place_beside(scene, tokens, description)
             if not place:
                 continue
-            description = replace(description, ranking=replace(description.ranking, place=place))  # noqa: PLW2901
+            description = replace(description, ranking=replace(description.ranking, place=place))
         names = _meant_by(scene, tokens, description, state)
         if isinstance(names, Unclear):
             return names
@@ -246,7 +246,7 @@ def _described(
         return text, []
     return (
         _there_named(scene, substituted(text, references), references, descriptions),
-        [(reference.said, reference.means) for reference in references if reference.said],
+        [(reference.words, reference.means) for reference in references if reference.words],
     )
 
 
@@ -284,7 +284,7 @@ def _meant_by(
     asset, group = description.sort == "asset", description.group
     if group is not None and not group.clear:
         return _unclear(scene, description, group.members)
-    ranked = description.ranking is not None and (group is None or not group.spoken)
+    ranked = description.ranking is not None and (group is None or not group.mentioned)
     if asset and ranked and description.ranking is not None and description.ranking.distance:
         description = replace(
             description, traits=(*description.traits, _can_come(description.ranking.place))
@@ -348,13 +348,13 @@ def _unclear(scene: ReferenceScene, description: Description, names: Sequence[st
         every = scene.gates if description.sort == "gate" else ()
         every = description.group.members if description.group is not None else every
         choices = tuple(every) if len(every) <= MOST_CHOICES else ()
-        question = f"No {noun} fits “{description.said}”. Which {noun} is meant?"
-        return Unclear(description.said, question, choices, describes=noun == "asset")
+        question = f"No {noun} fits “{description.words}”. Which {noun} is meant?"
+        return Unclear(description.words, question, choices, describes=noun == "asset")
     many = f"{len(names)} {noun}s fit" if len(names) > 1 else f"Only {names[0]} fits"
     choices = tuple(names) if len(names) <= MOST_CHOICES else ()
     request = "Which one is meant?" if description.number == 1 else "Who is meant?"
-    question = f"{many} “{description.said}”. {request}"
-    return Unclear(description.said, question, choices, describes=noun == "asset")
+    question = f"{many} “{description.words}”. {request}"
+    return Unclear(description.words, question, choices, describes=noun == "asset")
 
 
 def _written(
@@ -376,7 +376,7 @@ def _written(
         end = after.end if after is not None and enclosed else description.end
         return [
             ResolvedReference(
-                description.group.start, description.group.end, description.said, listed(names)
+                description.group.start, description.group.end, description.words, listed(names)
             ),
             ResolvedReference(tokens[first].start, end, "", "", " " if enclosed else ""),
         ]
@@ -393,7 +393,9 @@ def _written(
     down = len(names) == 1 and description.sort == "asset" and not scene.asset(names[0]).available
     if (beside or down) and description.sort == "asset" and description.place:
         becomes = f"{means} at {description.place}"
-    return [ResolvedReference(description.start, description.end, description.said, means, becomes)]
+    return [
+        ResolvedReference(description.start, description.end, description.words, means, becomes)
+    ]
 
 
 def _there_named(
@@ -411,7 +413,7 @@ def _there_named(
     tokens = read_tokens(text)
     if not place:
         return text
-    named = [t for t in tokens if t.said == place]
+    named = [t for t in tokens if t.written == place]
     for number, token in enumerate(tokens):
         if token.word not in _THERE or (named and named[0].start > token.start):
             continue
@@ -435,7 +437,7 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     then read as they stand. *One of the drones* is the one that telemetry shows in that state.
     """
     tokens = read_tokens(text)
-    names = frozenset(token.said for token in tokens if token.said in scene.world.assets)
+    names = frozenset(token.written for token in tokens if token.written in scene.world.assets)
     if len(names) > 1:
         return ""
     teams = (scene.members(token.word) for token in tokens)
@@ -465,7 +467,9 @@ def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
             matches.update(whole)  # the choices are whole orders, each for another place
         at = max(at + 1, reader.at)
     if not matches:
-        orders = {token.said: [c for c in choices if token.said in c.split()] for token in tokens}
+        orders = {
+            token.written: [c for c in choices if token.written in c.split()] for token in tokens
+        }
         matches = {c[0] for word, c in orders.items() if word in scene.world.assets and len(c) == 1}
     if not matches:
         for token in tokens:

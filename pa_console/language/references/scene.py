@@ -74,12 +74,12 @@ class ReferenceScene:
         return frozenset(sole_covers(self.picture).values())
 
     @cached_property
-    def frames_said(self) -> Mapping[str, str]:
+    def frames_by_word(self) -> Mapping[str, str]:
         """The frames by their names in lower case."""
         return {name.lower(): name for name in self.world.frames}
 
     @cached_property
-    def assets_said(self) -> Mapping[str, str]:
+    def assets_by_word(self) -> Mapping[str, str]:
         """The assets by their names in lower case."""
         return {name.lower(): name for name in self.world.assets}
 

@@ -18,7 +18,7 @@ import regex
 from rapidfuzz import fuzz, process
 
 from pa_console.language.canonical.clauses import ASKED
-from pa_console.language.canonical.facts import told_assets, told_frames, tracks_of_digest
+from pa_console.language.canonical.facts import shown_assets, shown_frames, tracks_of_digest
 from pa_console.language.clause_grammar import grounded_asked
 from pa_console.language.name_linking import link_names
 from pa_console.llm.backend import Answerer, OnText, Request, ask_model, confidence
@@ -147,12 +147,12 @@ def reading_prefix(world: World, digest: Digest | None) -> Prompt:
 
 def _there(world: World, digest: Digest) -> Iterator[str]:
     """Yield the subjects of an order: hardly more than names, because the clauses have the rest."""
-    told = told_frames(world, digest)
+    told = shown_frames(world, digest)
     yield f"Gates: {', '.join(name for name in told if world.frames[name].kind == 'gate')}"
     others = [name for name in told if world.frames[name].kind != "gate"]
     yield f"Places: {', '.join((*others, *world.zones))}"
     for kind in KINDS:
-        names = [n for n in told_assets(world, digest) if world.assets[n].kind == kind]
+        names = [n for n in shown_assets(world, digest) if world.assets[n].kind == kind]
         if names:
             yield f"{PLAIN_KINDS[kind].capitalize()}s: {', '.join(names)}"
     for track in tracks_of_digest(digest.tracks):

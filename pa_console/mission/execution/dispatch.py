@@ -58,12 +58,12 @@ async def _drain(queue: asyncio.Queue[Step]) -> AsyncIterator[Step]:
 
 @dataclass
 class _OpenCommand:
-    """A command under way; `sent` and `heard` are the ticks of its last sending and last reply."""
+    """A command under way; `sent` and `replied` are the ticks of its last sending and reply."""
 
     command: DeviceCommand
     sent: int
     times: int = 0
-    heard: int | None = None
+    replied: int | None = None
     last: CommandReply | None = None
 
 
@@ -121,14 +121,14 @@ class Dispatch:
             entry = self._open.get(reply.command_id)
             if entry is None:
                 continue
-            entry.heard = tick
+            entry.replied = tick
             final = reply.status in FINAL_REPLIES
             if final or entry.last is None or _is_news(reply, entry.last):
                 entry.last = reply
                 yield self._note(reply)
         elapsed = self._seconds(self._started, tick)
         for entry in list(self._open.values()):
-            if entry.heard is None and elapsed > min(self._acknowledge_s, self._limit_s):
+            if entry.replied is None and elapsed > min(self._acknowledge_s, self._limit_s):
                 limit_s = min(self._acknowledge_s, self._limit_s)
                 yield self._give_up(entry, tick, f"no acknowledgement within {limit_s:.0f} s")
             elif elapsed > self._limit_s:
@@ -144,9 +144,9 @@ class Dispatch:
         due: list[tuple[DeviceCommand, int]] = []
         for entry in self._open.values():
             wait_s = ASK_AGAIN_S
-            if entry.heard is None:
+            if entry.replied is None:
                 wait_s = RESEND_S * RESEND_GROWTH ** min(entry.times, MOST_GROWTH)
-            since = max(entry.sent, entry.heard or entry.sent)
+            since = max(entry.sent, entry.replied or entry.sent)
             if self._seconds(since, tick) >= wait_s - self._dt_s / 2:
                 entry.sent, entry.times = tick, entry.times + 1
                 due.append((entry.command, entry.times))
@@ -156,7 +156,7 @@ class Dispatch:
         return (tick - since) * self._dt_s
 
     def _give_up(self, entry: _OpenCommand, tick: int, problem: str) -> CommandReply:
-        sent = f", sent {entry.times + 1} times" if entry.heard is None and entry.times else ""
+        sent = f", sent {entry.times + 1} times" if entry.replied is None and entry.times else ""
         return self._note(_failed(entry, tick, f"{TIMED_OUT}: {problem}{sent}"))
 
     def _note(self, reply: CommandReply) -> CommandReply:

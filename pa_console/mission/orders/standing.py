@@ -92,7 +92,7 @@ class _InForce:
 
     trigger: Trigger
     paused: bool = False
-    told: StandingOrderScheduled | None = None
+    emitted: StandingOrderScheduled | None = None
     """Its next moment, as last emitted."""
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
@@ -204,8 +204,8 @@ class StandingOrders:
     ) -> StandingOrderScheduled:
         """Return the next moment of an order that `by` has changed at `time_s` of the fleet."""
         entry = self._entry(order_id)
-        entry.told = self._following(entry, time_s)
-        return entry.told.model_copy(update={"change": change, "by": by})
+        entry.emitted = self._following(entry, time_s)
+        return entry.emitted.model_copy(update={"change": change, "by": by})
 
     def _entry(self, order_id: str) -> _InForce:
         if order_id not in self._in_force:
@@ -260,13 +260,13 @@ class StandingOrders:
             del self._in_force[entry.order.id]
             yield Ended(entry.order)
             return
-        following, emitted = self._following(entry, time_s), entry.told
+        following, emitted = self._following(entry, time_s), entry.emitted
         if (
             emitted is None
             or emitted.moment != following.moment
             or _apart(emitted.at_s, following.at_s)
         ):
-            entry.told = following
+            entry.emitted = following
             yield following
 
     def _following(self, entry: _InForce, time_s: float) -> StandingOrderScheduled:

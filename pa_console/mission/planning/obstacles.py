@@ -202,8 +202,8 @@ def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
 class Unmet(NamedTuple):
     """A part of an order that a plan leaves out, and the reason."""
 
-    told: str
-    so: bool = False
+    words: str
+    fulfilled: bool = False
     """True if the part is already fulfilled."""
 
 
@@ -223,7 +223,7 @@ def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ..
         for why, so in _unmet(case, ask, every=every)
         if why
     )
-    return tuple({part.told: part for part in parts}.values())
+    return tuple({part.words: part for part in parts}.values())
 
 
 def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:

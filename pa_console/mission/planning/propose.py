@@ -108,7 +108,7 @@ class PlannerAnswer:
         return self.question.digest.selection
 
     @property
-    def said(self) -> str:
+    def reading(self) -> str:
         """The reading: the operator's, or else the one in the answer; '' if there is none."""
         return self._words.rstrip("; ")
 
@@ -116,7 +116,7 @@ class PlannerAnswer:
     def begun(self) -> str:
         """The answer up to the end of its reading; '' if it has none."""
         text = self.proposal.text
-        words = next((words for words in (self._words, self.said) if words in text), "")
+        words = next((words for words in (self._words, self.reading) if words in text), "")
         return text[: text.find(words) + len(words)]
 
     @property
@@ -289,7 +289,7 @@ async def other_readings(context: MissionContext, answered: PlannerAnswer, count
     At most `count` are tried. The result is empty if the planner's answer has no reading.
     """
     question = answered.question
-    if not question.reasons or not answered.said or count < 1:
+    if not question.reasons or not answered.reading or count < 1:
         return []
     text = answered.proposal.text
     end = text.find(" ", len(answered.begun))
@@ -335,8 +335,8 @@ async def ask_who(
 ) -> NumberedPlan | None:
     """Ask the planner to assign an agent to each command of `slots` (step 5).
 
-    The plan has the `reading` of the model `reader`. If the console makes the plans, it also assigns
-    the agents. Returns None if the answer has no plan.
+    The plan has the `reading` of the model `reader`. If the console makes the plans, it also
+    assigns the agents. Returns None if the answer has no plan.
     """
     first = context.attempts
     by_server = answered.model.server is not None

@@ -48,7 +48,7 @@ async def plan_patrol(
     """Return the plan for the rest of a patrol after its first `done` legs."""
     agent = _first_agent(context, patrol)
     if not agent:
-        needed = patrol.who or (f"{patrol.kind}" if patrol.kind else "asset")
+        needed = patrol.asset or (f"{patrol.kind}" if patrol.kind else "asset")
         return NotUnderstood(f"no {needed} is free for a patrol. Who is to go?")
     places = legs_of(patrol, context.services.scene, agent)[done:]
     legs = await _with_relief(context, patrol, agent, places)
@@ -67,8 +67,8 @@ async def plan_patrol(
 
 def _first_agent(context: MissionContext, patrol: Patrol) -> str:
     """Return the first asset: the named one, or the nearest free one of the kind; '' for none."""
-    if patrol.who:
-        return patrol.who
+    if patrol.asset:
+        return patrol.asset
     scene = context.services.scene
     for kind in (patrol.kind,) if patrol.kind else PREFERRED:
         free = [n for n, a in scene.picture.assets.items() if a.kind == kind and scene.is_free(n)]

@@ -120,7 +120,7 @@ async def _joined(
         mentions=_mentions(bests),
         verdict=verdict,
         judge_error=error,
-        by_server=any(UNTOLD in candidate.gaps_told for candidate in bests),
+        by_server=any(UNTOLD in candidate.all_gaps for candidate in bests),
     )
     context.emit(
         ev.PlanChecked(

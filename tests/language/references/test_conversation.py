@@ -71,7 +71,7 @@ def test_the_same_somewhere_else_is_for_another_one() -> None:
 
 def test_it_is_asked_who_it_is_where_two_were_sent() -> None:
     question = asked("Send it home.", scene(*standing(ROBOTS), past=[ROBOTS]))
-    assert (question.said, question.choices) == ("it", ("Robot_T01", "Robot_T02"))
+    assert (question.words, question.choices) == ("it", ("Robot_T01", "Robot_T02"))
 
 
 def test_a_name_earlier_in_the_order_is_what_it_means() -> None:
@@ -198,7 +198,7 @@ def test_it_is_asked_where_there_is_after_two_places() -> None:
         ("Robot_T02", "Base", "SouthGate"),
     )
     question = asked("A drone goes there.", scene(*standing(both), past=[both]))
-    assert (question.said, question.choices) == ("there", ("NorthGate", "SouthGate"))
+    assert (question.words, question.choices) == ("there", ("NorthGate", "SouthGate"))
 
 
 def test_words_whose_meaning_was_not_found_lean_on_the_order_before() -> None:

@@ -69,7 +69,7 @@ def test_what_describes_nothing_stays_as_it_was_typed(text: str) -> None:
 def test_what_was_understood_stands_beside_the_words() -> None:
     found = resolve(QUIET, "Robot_T02 to the gate guarded by a ugv.")
     assert isinstance(found, ResolvedOrder)
-    assert found.meant == (("the gate guarded by a ugv", "EastGate"),)
+    assert found.meanings == (("the gate guarded by a ugv", "EastGate"),)
 
 
 @settings(deadline=None, max_examples=60)
@@ -220,7 +220,7 @@ def test_an_answer_may_be_a_number_or_a_kind() -> None:
 
 def test_a_place_is_asked_back_about_with_what_fits() -> None:
     question = asked("Put Robot_T02 at the gate with only one guard.", QUIET)
-    assert question.said == "the gate with only one guard"
+    assert question.words == "the gate with only one guard"
     assert question.choices == HOME.gates
 
 
@@ -228,7 +228,7 @@ def test_a_place_is_asked_back_about_with_what_fits() -> None:
 def test_the_gate_is_asked_for_where_it_may_be_any(text: str) -> None:
     unclear = asked(text, scene())
     assert (unclear.question, unclear.choices) == ("Which gate is meant?", tuple(HOME.gates))
-    assert "SouthGate" in read_with(text, unclear.said, "SouthGate")
+    assert "SouthGate" in read_with(text, unclear.words, "SouthGate")
 
 
 @pytest.mark.parametrize(

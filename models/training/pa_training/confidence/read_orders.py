@@ -161,7 +161,7 @@ def _state(shown: PlanForDecision) -> ApprovalState | None:
     found = best.examination
     checked = CheckedPlan(found.plan, found.findings, best.verdict, best.judge_error)
     read = OrderAsRead(
-        gaps=best.gaps_told,
+        gaps=best.all_gaps,
         confidence=shown.confidence,
         read_apart=shown.read_apart,
         narrowed=best.narrowed,

@@ -109,7 +109,7 @@ def compared(proven: Proven, situation: Situation, before: Picture, plan: Plan) 
     moves = PlanMoves(situation.world, before, plan)
     found = compare_with_order(proven.order.asked, moves)
     asked = f"{proven.order.asked}{PLANNED}"
-    return Comparison(asked, found.told[: COMPARED_CHARS - len(asked)], not found.gaps)
+    return Comparison(asked, found.words[: COMPARED_CHARS - len(asked)], not found.gaps)
 
 
 def label_plan(
