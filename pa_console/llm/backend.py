@@ -214,7 +214,7 @@ async def ask_model(
     and the prompt repeated once; pieces already passed on are skipped, as greedy decoding repeats
     them.
     """
-    given, again = len(request.begun), False
+    passed_on, again = len(request.begun), False
     while True:
         text = ""
         whole = ModelAnswer(text, Usage(), "the model ended without an answer", fatal=True)
@@ -225,9 +225,9 @@ async def ask_model(
                         whole = _answer(item, request)
                         continue
                     text += item
-                    if on_text is not None and len(text) > given:
-                        on_text(text[given:])
-                    given = max(given, len(text))
+                    if on_text is not None and len(text) > passed_on:
+                        on_text(text[passed_on:])
+                    passed_on = max(passed_on, len(text))
         except EngineDiedError as error:
             if again:
                 return ModelAnswer(text, Usage(), str(error), fatal=True)

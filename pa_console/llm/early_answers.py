@@ -17,14 +17,14 @@ from pa_console.schema.finding import Usage
 MOST_KEPT = 32
 """The number of answers that are kept, enough for the last few drafts."""
 
-_Asked = tuple[Answerer, Request]
+_Key = tuple[Answerer, Request]
 
 
 class EarlyAnswers:
     """The finished and unfinished answers kept for one session."""
 
     def __init__(self) -> None:
-        self._kept: dict[_Asked, _EarlyAnswer] = {}
+        self._kept: dict[_Key, _EarlyAnswer] = {}
 
     def ahead(self, model: Answerer) -> Answerer:
         """Return `model` for a draft: its answers are kept, and any other prompt interrupts it."""
@@ -41,24 +41,24 @@ class EarlyAnswers:
 
     def begin(self, model: Answerer, request: Request) -> "_EarlyAnswer":
         """Return the answer to `request`; if it is not kept, the model begins to write it."""
-        asked = _asked(model, request)
-        if asked not in self._kept:
+        key = _key(model, request)
+        if key not in self._kept:
             pieces = model.generate(replace(request, yields=True))
-            self._kept[asked] = _EarlyAnswer(pieces, lambda early: self._forget(asked, early))
+            self._kept[key] = _EarlyAnswer(pieces, lambda early: self._forget(key, early))
             for oldest in list(self._kept)[:-MOST_KEPT]:
                 self._kept.pop(oldest).stop()
-        return self._kept[asked]
+        return self._kept[key]
 
-    def _forget(self, asked: _Asked, early: "_EarlyAnswer") -> None:
-        if self._kept.get(asked) is early:
-            del self._kept[asked]
+    def _forget(self, key: _Key, early: "_EarlyAnswer") -> None:
+        if self._kept.get(key) is early:
+            del self._kept[key]
 
     def take(self, model: Answerer, request: Request) -> "_EarlyAnswer | None":
         """Remove and return the kept answer to `request`; None if there is none."""
-        return self._kept.pop(_asked(model, request), None)
+        return self._kept.pop(_key(model, request), None)
 
 
-def _asked(model: Answerer, request: Request) -> _Asked:
+def _key(model: Answerer, request: Request) -> _Key:
     """Return everything that an answer depends on.
 
     The schema is left out because the grammar has the same content. `yields` is left out because it
@@ -152,7 +152,7 @@ class _Due:
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Yield the kept answer, with the seconds spent on it so far; otherwise ask the model."""
-        given = 0
+        passed_on = 0
         early = self._answers.take(self._model, request)
         if early is not None:
             ahead_s = perf_counter() - early.began_s
@@ -160,7 +160,7 @@ class _Due:
                 async with aclosing(early.follow()) as items:
                     async for item in items:
                         if isinstance(item, str):
-                            given += len(item)
+                            passed_on += len(item)
                             yield item
                         elif item.finish == "stop":
                             ahead = {"ahead_s": min(ahead_s, item.usage.seconds)}
@@ -172,7 +172,7 @@ class _Due:
         async with aclosing(self._model.generate(request)) as items:
             async for item in items:
                 if isinstance(item, str):
-                    fresh, given = item[given:], max(0, given - len(item))
+                    fresh, passed_on = item[passed_on:], max(0, passed_on - len(item))
                     if fresh:
                         yield fresh
                 else:

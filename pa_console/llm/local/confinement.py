@@ -49,8 +49,8 @@ def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
     if sys.platform != "linux":
         return "the limit on files that are read is one of Linux"
     library = ctypes.CDLL(None, use_errno=True)
-    wanted = _Ruleset(EXECUTE | READ_FILE | READ_FOLDER)
-    ruleset = library.syscall(CREATE_RULESET, ctypes.byref(wanted), ctypes.sizeof(wanted), 0)
+    rights = _Ruleset(EXECUTE | READ_FILE | READ_FOLDER)
+    ruleset = library.syscall(CREATE_RULESET, ctypes.byref(rights), ctypes.sizeof(rights), 0)
     if ruleset < 0:
         return f"the kernel has no Landlock: {os.strerror(ctypes.get_errno())}"
     try:
@@ -132,9 +132,9 @@ def require_all(restrictions: Iterable[Restriction]) -> None:
         )
 
 
-def clean_environment(given: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables of the environment `given` that the model's process may have."""
-    return {name: value for name, value in given.items() if name in KEPT_VARIABLES}
+def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables of the environment `environment` that the model's process may have."""
+    return {name: value for name, value in environment.items() if name in KEPT_VARIABLES}
 
 
 def read_only(files: Iterable[str]) -> Restriction:

@@ -120,7 +120,7 @@ def branch_points(  # noqa: PLR0917
     start of the answer and is advanced along it. The first `begun` tokens and the tokens that the
     grammar forces are kept. A token that spells the answer's own continuation is not a branch.
     """
-    found: list[BranchPoint] = []
+    branches: list[BranchPoint] = []
     """The likeliest branches so far, the least likely first."""
     chance, forced_to = 0.0, 0
     for position, (token, row) in enumerate(zip(answer, rows, strict=True)):
@@ -129,17 +129,17 @@ def branch_points(  # noqa: PLR0917
         if position >= forced_to:
             forced_to = position + len(matcher.compute_ff_tokens())
         if position >= max(forced_to, begun):
-            least = found[0].chance - chance if len(found) == count else -inf
+            least = branches[0].chance - chance if len(branches) == count else -inf
             chances = _chances(matcher, row, token, least)
             text = tokenizer.decode_bytes(list(answer[position : position + LONGEST]))
             for other, other_chance in chances.items():
                 if not text.startswith(tokenizer.decode_bytes([other])):
-                    heappush(found, BranchPoint(chance + other_chance, position, other))
-                    if len(found) > count:
-                        heappop(found)
+                    heappush(branches, BranchPoint(chance + other_chance, position, other))
+                    if len(branches) > count:
+                        heappop(branches)
             chance += chances[token]
         matcher.consume_token(token)
-    return sorted(found, reverse=True)
+    return sorted(branches, reverse=True)
 
 
 def _chances(
@@ -152,8 +152,8 @@ def _chances(
     """
     likely = np.argpartition(-row, AT_ONE_PLACE)[:AT_ONE_PLACE]
     at_most = row[likely] - np.logaddexp(row[likely], row[token])
-    wanted = likely[at_most >= least].tolist()
-    allowed = [t for t in wanted if t != token and matcher.validate_tokens([t]) == 1]
+    candidates = likely[at_most >= least].tolist()
+    allowed = [t for t in candidates if t != token and matcher.validate_tokens([t]) == 1]
     values = row[[token, *allowed]].astype(np.float64)
     values -= np.logaddexp.reduce(values)
     return dict(zip([token, *allowed], values.tolist(), strict=True))
@@ -208,9 +208,9 @@ class Candidates:
             first = perf_counter() - started
             rows = self._rows(sequence, len(prompt), answer, logits.copy())
             count = self._request.count
-            found = branch_points(self._matcher(), self._tokenizer, answer, rows, begun, count)
-            answers = [self._begun(answer, branch) for branch in found]
-            lengths = [len(prompt) + branch.kept for branch in found]
+            branches = branch_points(self._matcher(), self._tokenizer, answer, rows, begun, count)
+            answers = [self._begun(answer, branch) for branch in branches]
+            lengths = [len(prompt) + branch.kept for branch in branches]
             self._shared.adopt(self._runtime.state(sequence), lengths, sequence)
             self._write(answers, len(prompt))
             texts = [self._text(answer) for answer in answers if answer.complete]
@@ -268,8 +268,8 @@ class Candidates:
     def _take(self, tokens: list[int], answer: _OpenAnswer) -> None:
         answer.pending = tokens
         answer.tokens += tokens
-        found = self._stop is not None and self._stop.search(self._text(answer)) is not None
-        answer.complete = found or answer.matcher.is_stopped()
+        stopped = self._stop is not None and self._stop.search(self._text(answer)) is not None
+        answer.complete = stopped or answer.matcher.is_stopped()
         answer.open = not answer.complete and len(answer.tokens) < self._request.max_tokens
 
     def _text(self, answer: _OpenAnswer) -> str:

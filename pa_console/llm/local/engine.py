@@ -290,7 +290,7 @@ class Engine:
         """The number of prompts with a waiting caller, both queued and being answered."""
         self._interruptible = False
         """True if an urgent prompt may interrupt the current one."""
-        self._untold = False
+        self._unreported = False
         self._turn, self._spawning = asyncio.Lock(), asyncio.Lock()
         self._stop = asyncio.Event()
         self._number = 0
@@ -321,7 +321,7 @@ class Engine:
         if self.second_reader is not None:
             self.second_reader._closed = False
         await self._living_worker()
-        if self._untold:
+        if self._unreported:
             self._change(self.state, self.detail)
 
     async def close(self) -> None:
@@ -449,7 +449,7 @@ class Engine:
         )
         started = perf_counter()
         limit, text = started + request.deadline_s, ""
-        asked: Finish | None = None
+        finish: Finish | None = None
         while True:
             message = await worker.receive(limit)
             match message:
@@ -457,9 +457,9 @@ class Engine:
                     text += message.text
                     yield message.text
                 case Done(id=id_) if id_ == number:
-                    self._tell_slowed(message.slowed)
-                    finish = asked or message.finish
-                    yield GenerationEnd(text, message.usage, finish, message.texts, message.chances)
+                    self._report_slowed(message.slowed)
+                    reason = finish or message.finish
+                    yield GenerationEnd(text, message.usage, reason, message.texts, message.chances)
                     return
                 case GenerationFailure(id=id_) if id_ == number:
                     raise PromptRefusedError(message.error)
@@ -467,18 +467,18 @@ class Engine:
                     raise ModelUnavailableError(self._unusable(worker.error))
                 case "ended":
                     raise EngineDiedError(DIED)
-                case "stop" if asked is None and self._stop.is_set():
-                    asked = "cancelled"
+                case "stop" if finish is None and self._stop.is_set():
+                    finish = "cancelled"
                     worker.send(Cancel(id=number))
                     limit = perf_counter() + GRACE_S
-                case "late" if asked is None:
-                    asked = "deadline"
+                case "late" if finish is None:
+                    finish = "deadline"
                     worker.send(Cancel(id=number))
                     limit = perf_counter() + GRACE_S
                 case "late":
                     await worker.kill()
                     usage = Usage(seconds=perf_counter() - started)
-                    yield GenerationEnd(text, usage, asked or "deadline")
+                    yield GenerationEnd(text, usage, finish or "deadline")
                     if not self._closed:
                         await self._living_worker()
                     return
@@ -488,7 +488,7 @@ class Engine:
     def _unusable(self, error: str) -> str:
         return f"model {self.model.name} cannot be used: {error}"
 
-    def _tell_slowed(self, slowed: bool) -> None:
+    def _report_slowed(self, slowed: bool) -> None:
         """Report that answers are slow because the machine is busy, or that they no longer are."""
         if slowed != self._slowed:
             self._slowed = slowed
@@ -516,6 +516,6 @@ class Engine:
 
     def _change(self, state: WorkerState, detail: str) -> None:
         self.state, self.detail = state, detail
-        self._untold = self.on_state is None
+        self._unreported = self.on_state is None
         if self.on_state is not None:
             self.on_state(state, detail)

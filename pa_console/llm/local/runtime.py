@@ -54,15 +54,15 @@ class AdapterSwitch:
 
     def use(self, context: Any, sequence: int) -> None:
         """Select the adapter of `sequence` for `context`, or none if it has none."""
-        wanted = self._adapters.get(sequence)
-        if self._active.get(context) == wanted:
+        adapter = self._adapters.get(sequence)
+        if self._active.get(context) == adapter:
             return
-        count = 0 if wanted is None else 1
-        adapters = (_api.llama_adapter_lora_p_ctypes * 1)(wanted)
+        count = 0 if adapter is None else 1
+        adapters = (_api.llama_adapter_lora_p_ctypes * 1)(adapter)
         scales = (ctypes.c_float * 1)(1.0)
         if _api.llama_set_adapters_lora(context, adapters, count, scales) != 0:
             raise ValueError("llama.cpp could not switch to the adapter of another role")
-        self._active[context] = wanted
+        self._active[context] = adapter
 
     def forget(self, context: Any) -> None:
         """Forget a context that is freed, because the next one may have the same address."""
@@ -139,12 +139,12 @@ class _LlamaContext:
         """Evaluate one batch; raises InterruptedEvaluationError, or RuntimeError on failure."""
         batch = self._batch
         batch.n_tokens = len(tokens)
-        for index, (sequence, position, token, wanted) in enumerate(tokens):
+        for index, (sequence, position, token, with_logits) in enumerate(tokens):
             batch.token[index] = token
             batch.pos[index] = position
             batch.n_seq_id[index] = 1
             batch.seq_id[index][0] = sequence
-            batch.logits[index] = wanted
+            batch.logits[index] = with_logits
         if self._stopped():
             raise InterruptedEvaluationError
         with self._cores.evaluating(len(tokens)) as threads:

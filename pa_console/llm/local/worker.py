@@ -151,19 +151,19 @@ def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
 
 
 def _answer(
-    decoder: "Decoder", chat: "ChatPrompt", asked: Generate, send: Callable[[StrictModel], None]
+    decoder: "Decoder", chat: "ChatPrompt", message: Generate, send: Callable[[StrictModel], None]
 ) -> Done:
     """Write one answer piece by piece, or several at once; return how the generation ended."""
-    request = asked.request
+    request = message.request
     sequence = SEQUENCES[request.role]
     prompt = chat.tokens(request.system, request.user)
     if request.count == 1:
         finish, usage = decoder.answer(
-            sequence, prompt, request, lambda text: send(TextPiece(id=asked.id, text=text))
+            sequence, prompt, request, lambda text: send(TextPiece(id=message.id, text=text))
         )
-        return Done(id=asked.id, finish=finish, usage=usage, chances=decoder.chances)
+        return Done(id=message.id, finish=finish, usage=usage, chances=decoder.chances)
     texts, finish, usage = decoder.several(sequence, prompt, request)
-    return Done(id=asked.id, finish=finish, usage=usage, texts=tuple(texts))
+    return Done(id=message.id, finish=finish, usage=usage, texts=tuple(texts))
 
 
 def _first(stream: IO[bytes]) -> Load:

@@ -71,18 +71,18 @@ class CheckedFile:
         if os.fstat(self._stream.fileno()).st_size:
             with mmap.mmap(self._stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 digest.update(content)
-        found = digest.hexdigest()
-        if found != self.sha256:
+        actual = digest.hexdigest()
+        if actual != self.sha256:
             raise ValueError(
-                f"{self.path}: not the file that was checked: its SHA-256 is {found}, "
+                f"{self.path}: not the file that was checked: its SHA-256 is {actual}, "
                 f"{self.sha256 or 'none'} is expected; start the console again"
             )
 
 
 def cache_folder() -> Path:
     """Return the folder for files that can be fetched again; PA_CONSOLE_CACHE overrides it."""
-    given = os.environ.get(CACHE_VARIABLE)
-    return Path(given).expanduser() if given else user_cache_path("pa-console")
+    override = os.environ.get(CACHE_VARIABLE)
+    return Path(override).expanduser() if override else user_cache_path("pa-console")
 
 
 def models_folder() -> Path:

@@ -74,10 +74,10 @@ def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[Local
 
 def pinned_adapters(files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
     """Return the adapter of every role as the catalogue pins it, without reading the files."""
-    found = {role: LocalAdapter(role, file.path, file.sha256) for role, file in files.items()}
-    if "judge" in found and "outcome" not in found:
-        found["outcome"] = replace(found["judge"], role="outcome")
-    return tuple(found.values())
+    adapters = {role: LocalAdapter(role, file.path, file.sha256) for role, file in files.items()}
+    if "judge" in adapters and "outcome" not in adapters:
+        adapters["outcome"] = replace(adapters["judge"], role="outcome")
+    return tuple(adapters.values())
 
 
 def _check(model: str, role: Role, file: AdapterFile) -> None:
@@ -248,10 +248,10 @@ class ModelEntry(StrictModel):
         if how is None:
             return path, self.check(path)
         pin = self.pin(how)
-        found = find_pinned(self.stem, how, pin) if pin else None
-        if found is None:
-            found = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
-        return found
+        prepared = find_pinned(self.stem, how, pin) if pin else None
+        if prepared is None:
+            prepared = prepare(self.stem, how, path, self.check(path), progress, pin=pin)
+        return prepared
 
     def as_pinned(self) -> "LocalModel | None":
         """Return the prepared model as pinned by the catalogue; None if it is missing or unpinned.
@@ -359,9 +359,9 @@ class Catalog(StrictModel):
 
         Raises ModelError with the known names and the nearest one.
         """
-        known = {entry.name: entry for entry in self.models}
-        if name in known:
-            return known[name]
+        entries = {entry.name: entry for entry in self.models}
+        if name in entries:
+            return entries[name]
         if names_backend(name) or name in {entry.name for entry in self.servers}:
             raise ModelError(
                 f"{name} is on a server: this needs a model on this machine; a server's model "
@@ -372,10 +372,10 @@ class Catalog(StrictModel):
             return _entry_from_file(path)
         if path.exists():
             raise ModelError(f"{path}: no GGUF file; give the path of one, or the name of a model")
-        nearest = process.extractOne(name, list(known), scorer=fuzz.ratio, score_cutoff=60)
+        nearest = process.extractOne(name, list(entries), scorer=fuzz.ratio, score_cutoff=60)
         hint = f" Did you mean {nearest[0]}?" if nearest else ""
         raise ModelError(
-            f"unknown model {name!r}.{hint} Known: {', '.join(known)}; or give a path to a .gguf"
+            f"unknown model {name!r}.{hint} Known: {', '.join(entries)}; or give a path to a .gguf"
         )
 
     def locate(
@@ -404,13 +404,13 @@ class Catalog(StrictModel):
         return entry.located(path, digest, adapters, reader)
 
     def _reader_after(
-        self, entry: ModelEntry, wanted: str, progress: Progress
+        self, entry: ModelEntry, override: str, progress: Progress
     ) -> LocalModel | None:
         """Return the second reader configured for `entry`; None if it has none."""
-        name = wanted or entry.second_reader
+        name = override or entry.second_reader
         if name in {"", NO_READER, entry.name} or entry.prompts != "compact":
             return None
-        if not wanted and self.get(name).local_file is None:
+        if not override and self.get(name).local_file is None:
             return None
         return self.get(name).as_pinned() or self.locate(name, progress)
 

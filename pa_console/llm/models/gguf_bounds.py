@@ -91,37 +91,37 @@ class _Header:
     def __init__(self, content: mmap.mmap) -> None:
         self.content, self.size, self.at = content, len(content), 0
 
-    def number(self, layout: str, what: str) -> Any:
+    def number(self, layout: str, label: str) -> Any:
         """Return the next number."""
         end = self.at + struct.calcsize(layout)
         if end > self.size:
-            raise ValueError(f"it ends within {what}")
+            raise ValueError(f"it ends within {label}")
         (value,) = struct.unpack_from(layout, self.content, self.at)
         self.at = end
         return value
 
-    def count(self, layout: str, most: int, what: str) -> int:
+    def count(self, layout: str, most: int, label: str) -> int:
         """Return the next whole number, which may be at most `most`."""
-        value: int = self.number(layout, what)
+        value: int = self.number(layout, label)
         if value > most:
-            raise ValueError(f"{what} is {value:,}, more than {most:,}")
+            raise ValueError(f"{label} is {value:,}, more than {most:,}")
         return value
 
-    def skip(self, size: int, what: str) -> None:
+    def skip(self, size: int, label: str) -> None:
         """Skip `size` bytes."""
         if size > self.size - self.at:
-            raise ValueError(f"{what} goes beyond the end of the file")
+            raise ValueError(f"{label} goes beyond the end of the file")
         self.at += size
 
-    def text(self, most: int, what: str) -> str:
+    def text(self, most: int, label: str) -> str:
         """Return the next text of at most `most` bytes."""
-        size = self.count("<Q", most, f"the length of {what}")
+        size = self.count("<Q", most, f"the length of {label}")
         start = self.at
-        self.skip(size, what)
+        self.skip(size, label)
         try:
             return self.content[start : self.at].decode("utf-8")
         except UnicodeDecodeError:
-            raise ValueError(f"{what} is not UTF-8") from None
+            raise ValueError(f"{label} is not UTF-8") from None
 
     def value(self, kind: int, key: str) -> _Value:
         """Return the next value of a field."""

@@ -77,8 +77,8 @@ class FileOrigin(StrictModel):
 
     def of(self, how: Preparation, source_sha256: str) -> bool:
         """Return whether the file is the one that would be made now."""
-        wanted = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
-        return wanted == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
+        expected = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
+        return expected == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
 
     def signed(self) -> "FileOrigin":
         """Return the record signed with this machine's key; raises SigningError."""
@@ -153,11 +153,13 @@ def prepare(
         path.parent.mkdir(parents=True, exist_ok=True)
         folder.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(folder.with_suffix(f"{folder.suffix}.lock")):
-            found = find_pinned(name, how, pin) if pin else find_recorded(name, how, source_sha256)
-            if found is None:
+            prepared = (
+                find_pinned(name, how, pin) if pin else find_recorded(name, how, source_sha256)
+            )
+            if prepared is None:
                 path.unlink(missing_ok=True)
-                found = _make(path, folder, how, source, source_sha256, progress, pin)
-            return found
+                prepared = _make(path, folder, how, source, source_sha256, progress, pin)
+            return prepared
     except OSError as error:
         raise PullError(disk_problem(error, folder)) from error
 

@@ -77,7 +77,7 @@ class ServerClient:
         """
         limit = asyncio.get_running_loop().time() + within_s
         late = ServerError(TIMED_OUT.format(within_s))
-        told = {"logprobs": True, "top_logprobs": 1} if chances else {}
+        logprobs = {"logprobs": True, "top_logprobs": 1} if chances else {}
         body: dict[str, Any] = {
             "model": self.address.name,
             "messages": [
@@ -89,7 +89,7 @@ class ServerClient:
             "temperature": 0.0,
             "seed": 0,
             "stream": True,
-            **told,
+            **logprobs,
         }
         try:
             async with asyncio.timeout_at(limit):
@@ -151,8 +151,8 @@ class ServerClient:
             case ServerError():
                 return error
             case APIStatusError():
-                said = visible_line(self.key.hidden_in(error.message))[:MOST_TOLD]
-                return ServerError(f"answered {error.status_code}: {said}", error.status_code)
+                message = visible_line(self.key.hidden_in(error.message))[:MOST_TOLD]
+                return ServerError(f"answered {error.status_code}: {message}", error.status_code)
             case APITimeoutError():
                 return ServerError("did not answer in time")
             case APIConnectionError() if not begun:

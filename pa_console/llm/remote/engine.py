@@ -128,7 +128,7 @@ class ProbeReport:
     @property
     def way(self) -> Way | None:
         """The best way that works, or None."""
-        return next((way for way, found in self.ways.items() if found == HOLDS), None)
+        return next((way for way, result in self.ways.items() if result == HOLDS), None)
 
     @property
     def summary(self) -> str:
@@ -136,9 +136,9 @@ class ProbeReport:
         return f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
 
     @property
-    def told(self) -> str:
+    def words(self) -> str:
         """All results on one line."""
-        ways = ", ".join(f"{way} {found}" for way, found in self.ways.items())
+        ways = ", ".join(f"{way} {result}" for way, result in self.ways.items())
         return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
 
 
@@ -180,14 +180,14 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
 
 async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: bool) -> bool:
     """Request a few words; return whether token probabilities came with them."""
-    found = False
+    reported = False
     try:
         async for piece in client.ask("", PROMPT, 4, within_s, {}, chances=asked_for):
-            found = found or bool(piece.chances)
+            reported = reported or bool(piece.chances)
     except ServerError as error:
         if not asked_for or error.status not in REFUSES:
             raise
-    return found
+    return reported
 
 
 OnServer = Callable[[ServerState, str], None]

@@ -29,22 +29,22 @@ class Servers:
         ModelError for an invalid name, and for one to which words would be sent in clear text,
         unless `plain` allows it.
         """
-        found: dict[ServerUse, Backend] = {}
+        backends: dict[ServerUse, Backend] = {}
         for use, name in named.items():
             if names_backend(name):
                 backend = open_backend(name, BackendOptions(use, plain, patience_s))
-                planner = found.get("planner")
+                planner = backends.get("planner")
                 shared = use == "judge" and planner is not None and planner.name == backend.name
-                found[use] = planner if shared and planner is not None else backend
-        return cls(found)
+                backends[use] = planner if shared and planner is not None else backend
+        return cls(backends)
 
     @property
     def backends(self) -> dict[Backend, tuple[ServerUse, ...]]:
         """Each backend once, with its uses."""
-        found: dict[Backend, tuple[ServerUse, ...]] = {}
+        uses: dict[Backend, tuple[ServerUse, ...]] = {}
         for use, backend in self.by_use.items():
-            found[backend] = (*found.get(backend, ()), use)
-        return found
+            uses[backend] = (*uses.get(backend, ()), use)
+        return uses
 
     @property
     def named(self) -> dict[ServerUse, str]:

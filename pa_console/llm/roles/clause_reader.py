@@ -65,10 +65,10 @@ def nearest_orders(text: str, count: int) -> list[TaughtOrder]:
     Raises DocumentError if the file is missing or broken.
     """
     orders, masked = taught_orders()
-    found = process.extract(
+    matches = process.extract(
         without_names(text), masked, scorer=fuzz.token_set_ratio, limit=count, processor=None
     )
-    return [orders[place] for _, _, place in reversed(found)]
+    return [orders[place] for _, _, place in reversed(matches)]
 
 
 def without_names(text: str) -> str:
@@ -147,9 +147,9 @@ def reading_prefix(world: World, digest: Digest | None) -> Prompt:
 
 def _there(world: World, digest: Digest) -> Iterator[str]:
     """Yield the subjects of an order: hardly more than names, because the clauses have the rest."""
-    told = shown_frames(world, digest)
-    yield f"Gates: {', '.join(name for name in told if world.frames[name].kind == 'gate')}"
-    others = [name for name in told if world.frames[name].kind != "gate"]
+    frames = shown_frames(world, digest)
+    yield f"Gates: {', '.join(name for name in frames if world.frames[name].kind == 'gate')}"
+    others = [name for name in frames if world.frames[name].kind != "gate"]
     yield f"Places: {', '.join((*others, *world.zones))}"
     for kind in KINDS:
         names = [n for n in shown_assets(world, digest) if world.assets[n].kind == kind]
@@ -193,16 +193,16 @@ class ClauseReader:
         """The name of the model that answers."""
         return self._engine.name
 
-    async def read(self, asked: ReadingQuestion, on_text: OnText | None = None) -> OrderReading:
+    async def read(self, question: ReadingQuestion, on_text: OnText | None = None) -> OrderReading:
         """Return the reading of an order, if it is in canonical clauses that fit the picture.
 
         `on_text` gets the answer in pieces. Never raises EngineError.
         """
         request = Request(
             self._role,
-            asked.prompt.system,
-            asked.prompt.user,
-            asked.grammar,
+            question.prompt.system,
+            question.prompt.user,
+            question.grammar,
             MAX_TOKENS,
             self._deadline_s,
             schema=SCHEMA,
@@ -217,9 +217,11 @@ class ClauseReader:
         except (ValueError, KeyError, TypeError):
             error = "its answer is not of the form asked for"
             return OrderReading("", error, answer.usage, text=answer.text)
-        read = f"{ASKED}{words}"
-        if not all(regex.fullmatch(each, read, flags=regex.V1) for each in asked.patterns):
+        reading = f"{ASKED}{words}"
+        if not all(
+            regex.fullmatch(pattern, reading, flags=regex.V1) for pattern in question.patterns
+        ):
             error = f"no reading in canonical clauses: {words[:120]}"
             return OrderReading("", error, answer.usage, text=answer.text)
         sure = confidence(answer.chances, answer.text, words)
-        return OrderReading(read, "", answer.usage, sure, answer.text)
+        return OrderReading(reading, "", answer.usage, sure, answer.text)

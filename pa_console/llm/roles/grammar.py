@@ -68,9 +68,11 @@ def plan_grammar(  # noqa: PLR0917
         f"REASON: {_all(reasons) or _text('', REASON_CHARS)}",
     ]
     if up:
-        one = [f"{_action(a, kind)} more::set_bit({i})" for i, (a, kind) in enumerate(up.items())]
-        next_one = [f'", " {action} %if bit_clear({i})' for i, action in enumerate(one)]
-        lines.append("first::_: " + "\n  | ".join(one))
+        action_forms = [
+            f"{_action(a, kind)} more::set_bit({i})" for i, (a, kind) in enumerate(up.items())
+        ]
+        next_one = [f'", " {action} %if bit_clear({i})' for i, action in enumerate(action_forms)]
+        lines.append("first::_: " + "\n  | ".join(action_forms))
         lines.append('more::_: ""\n  | ' + "\n  | ".join(next_one))
         lines += [_commands(kind, verbs) for kind in KINDS if kind in up.values()]
         lines.append("frame: " + _choice(f for f in world.frames if frames is None or f in frames))
@@ -132,21 +134,21 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-def compact_opening_grammar(asked: Sequence[str]) -> str:
-    """Return the grammar of a short verdict's beginning, the reading, which matches all `asked`.
+def compact_opening_grammar(readings: Sequence[str]) -> str:
+    """Return the grammar of a short verdict's beginning, the reading, which matches all `readings`.
 
     They are regular expressions in Rust's syntax that limit its length. The grammar ends in one
     terminal with the next text: the lexer is greedy, and would have to leave a separate terminal
     before it sees the next one.
     """
-    begins = _all([f"({each}){PLANNED}" for each in asked])
+    begins = _all([f"({reading}){PLANNED}" for reading in readings])
     opening = _literal('{"feedback": "')
     return f"start: {opening} ASKED\nASKED: {begins}\n"
 
 
-def hinted(asked: str) -> str:
-    """Return a short verdict that begins with `asked`, as a hint."""
-    return json.dumps({"feedback": asked}, ensure_ascii=False)
+def hinted(reading: str) -> str:
+    """Return a short verdict that begins with `reading`, as a hint."""
+    return json.dumps({"feedback": reading}, ensure_ascii=False)
 
 
 def compact_judge_grammar(
@@ -207,8 +209,8 @@ def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
 
 def verbs_of(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
     """Return the verbs for assets of `kind`; empty `verbs` means all of the vocabulary."""
-    wanted = verbs or tuple(COMMANDS)
-    return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in wanted]
+    chosen = verbs or tuple(COMMANDS)
+    return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in chosen]
 
 
 def _choice(words: Iterable[str]) -> str:
@@ -286,21 +288,21 @@ def plan_schema(
     return _plan(ways, 0, min(len(up), MAX_ACTIONS) if ways else 0)
 
 
-def slot_schema(slots: Sequence[CommandSlot], asked: str) -> Schema:
+def slot_schema(slots: Sequence[CommandSlot], reading: str) -> Schema:
     """Return the schema of a plan with the commands of `slots`, each for one of its agents.
 
-    Its reason is `asked`, the reading.
+    Its reason is the `reading`.
     """
     ways = [_action_schema(list(slot.agents), [slot.command]) for slot in slots]
-    return _plan(ways, len(slots), len(slots), _one_of([asked]))
+    return _plan(ways, len(slots), len(slots), _one_of([reading]))
 
 
 def verdict_schema(rule_ids: Sequence[str]) -> Schema:
     """Return the schema of a verdict: opinions on `rule_ids`, feedback, Success or Failure."""
     fields: Schema = {}
     if rule_ids:
-        one = _object({"id": _one_of(rule_ids), "verdict": _one_of(get_args(JudgeOpinion))})
-        fields["rules"] = _list(one, len(rule_ids), len(rule_ids))
+        opinion = _object({"id": _one_of(rule_ids), "verdict": _one_of(get_args(JudgeOpinion))})
+        fields["rules"] = _list(opinion, len(rule_ids), len(rule_ids))
     fields["feedback"] = TEXT_SCHEMA
     fields["verdict"] = _one_of(get_args(Opinion))
     return _object(fields)

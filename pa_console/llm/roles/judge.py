@@ -78,49 +78,49 @@ class Judge:
         """The name of the model that answers."""
         return self._engine.name
 
-    async def judge(self, asked: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
+    async def judge(self, question: JudgeQuestion, on_text: OnText | None = None) -> Judgement:
         """Return the judgement; `on_text` gets the answer in pieces. Never raises EngineError."""
-        grammar, said = asked.grammar, ""
+        grammar, text = question.grammar, ""
         begun: ModelAnswer | None = None
-        if asked.goes_on is not None:
-            begun = await self._ask(asked, grammar, on_text=on_text)
+        if question.goes_on is not None:
+            begun = await self._ask(question, grammar, on_text=on_text)
             if begun.error:
                 return Judgement(begun.text, None, begun.error, begun.usage)
-            grammar, said = asked.goes_on(begun.text), begun.text
-        whole = await self._ask(asked, grammar, said, on_text)
+            grammar, text = question.goes_on(begun.text), begun.text
+        whole = await self._ask(question, grammar, text, on_text)
         verdict, error = (
-            (None, whole.error) if whole.error else read_verdict(whole.text, asked.rule_ids)
+            (None, whole.error) if whole.error else read_verdict(whole.text, question.rule_ids)
         )
         if begun is None:
             return Judgement(whole.text, verdict, error, whole.usage)
         sure = confidence(begun.chances, begun.text, begun.text)
         return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
 
-    async def read(self, asked: JudgeQuestion) -> OrderReading:
+    async def read(self, question: JudgeQuestion) -> OrderReading:
         """Return the judge's reading, the beginning of its answer; never raises EngineError."""
-        begun = await self._ask(asked, asked.grammar)
+        begun = await self._ask(question, question.grammar)
         if begun.error:
             return OrderReading("", begun.error, begun.usage)
-        said = begun.text.partition(': "')[2].removesuffix(PLANNED)
+        reading = begun.text.partition(': "')[2].removesuffix(PLANNED)
         return OrderReading(
-            said, "", begun.usage, confidence(begun.chances, begun.text, begun.text)
+            reading, "", begun.usage, confidence(begun.chances, begun.text, begun.text)
         )
 
     async def _ask(
-        self, asked: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
+        self, question: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
     ) -> ModelAnswer:
         """Request an answer that begins with `begun`, which `on_text` already has."""
         request = Request(
-            asked.role,
-            asked.prompt.system,
-            asked.prompt.user,
+            question.role,
+            question.prompt.system,
+            question.prompt.user,
             grammar,
             self._max_tokens,
             self._deadline_s,
-            hint=asked.hint,
+            hint=question.hint,
             begun=begun,
-            schema=asked.schema,
-            yields=asked.role == "outcome",
+            schema=question.schema,
+            yields=question.role == "outcome",
         )
         return await ask_model(self._engine, request, on_text)
 
@@ -151,8 +151,8 @@ def read_verdict(text: str, rule_ids: Sequence[str] = ()) -> tuple[Verdict | Non
         answer = _JudgeAnswer.model_validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        return None, f"the answer is not a verdict: {where + ': ' if where else ''}{first['msg']}"
+        field = ".".join(map(str, first["loc"]))
+        return None, f"the answer is not a verdict: {field + ': ' if field else ''}{first['msg']}"
     opinions = [RuleOpinion(rule_id=rule.id, opinion=rule.verdict) for rule in answer.rules]
     if answer.violated is not None:
         named = dict.fromkeys(answer.violated)

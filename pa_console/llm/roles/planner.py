@@ -65,8 +65,8 @@ class Planner:
         if answer.error:
             return Proposal(answer.text, None, answer.error, answer.fatal, answer.usage)
         plan, error = read_plan(answer.text)
-        asked = asked_words(plan.reason) if plan is not None else ""
-        sure = confidence(answer.chances, answer.text, asked)
+        reading = asked_words(plan.reason) if plan is not None else ""
+        sure = confidence(answer.chances, answer.text, reading)
         return Proposal(answer.text, plan, error, usage=answer.usage, confidence=sure)
 
     async def several(
@@ -95,12 +95,12 @@ class Planner:
         likely one. They differ from that one before the end of its beginning `within`. Each reading
         is returned once, in its canonical words. Never raises EngineError.
         """
-        asked = self._request(prompt, reason_grammar(reasons), count=count)
+        request = self._request(prompt, reason_grammar(reasons), count=count)
         most = min(self._max_tokens, REASON_TOKENS)
-        request = replace(asked, max_tokens=most, within=within, stop=READ)
-        answer = await ask_model(self._engine, request)
-        found = (asked_words(begun_reason(text)) for text in answer.texts)
-        return list(dict.fromkeys(words.rstrip("; ") for words in found if words)), answer.usage
+        reading_request = replace(request, max_tokens=most, within=within, stop=READ)
+        answer = await ask_model(self._engine, reading_request)
+        readings = (asked_words(begun_reason(text)) for text in answer.texts)
+        return list(dict.fromkeys(words.rstrip("; ") for words in readings if words)), answer.usage
 
     def _request(
         self,
@@ -132,5 +132,5 @@ def read_plan(text: str) -> tuple[Plan | None, str]:
         return Plan.model_validate_json(text[max(begin, 0) : end]), ""
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        return None, f"the answer is not a plan: {where + ': ' if where else ''}{first['msg']}"
+        field = ".".join(map(str, first["loc"]))
+        return None, f"the answer is not a plan: {field + ': ' if field else ''}{first['msg']}"

@@ -36,8 +36,8 @@ def command_vocabulary(world: World) -> str:
     lines = ["Commands"]
     for verb, spec in COMMANDS.items():
         kinds = sorted(PLAIN_KINDS[kind] for kind in spec.kinds)
-        who = "all" if len(kinds) == len(PLAIN_KINDS) else ", ".join(kinds)
-        lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {who}")
+        users = "all" if len(kinds) == len(PLAIN_KINDS) else ", ".join(kinds)
+        lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {users}")
     if len(world.frames) <= FEW_FRAMES:
         lines.append(f"Frames: {', '.join(world.frames)}")
     return "\n".join(lines)
@@ -475,7 +475,7 @@ def compact_planner_prompt(  # noqa: PLR0917
     previous: str = "",
 ) -> Prompt:
     """Return the planner's prompt; `repair` lists the faults of the `previous` answer."""
-    lines = [*_rules_held(rules), *_said(world, mission)]
+    lines = [*_rules_held(rules), *_order_lines(world, mission)]
     if repair:
         lines.append(f"Previous answer: {previous}")
         lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
@@ -496,7 +496,7 @@ def compact_judge_prompt(
     The planned actions are added to the answer, after the reading.
     """
     start = picture_prefix("judge", world, digest)
-    lines = [*_rules_held(rules), *_said(world, mission)]
+    lines = [*_rules_held(rules), *_order_lines(world, mission)]
     return Prompt(start.system, start.user + "\n".join(lines))
 
 
@@ -513,7 +513,7 @@ def compact_outcome_prompt(
     return Prompt(start.system, start.user + "\n".join(lines))
 
 
-def _said(world: World, mission: Mission) -> Iterator[str]:
+def _order_lines(world: World, mission: Mission) -> Iterator[str]:
     """Yield the mission's words, after the previous order's commands if they refer to it."""
     if mission.follows:
         yield f"Before: {mission.follows}"
@@ -550,9 +550,9 @@ def _assets(world: World, digest: Digest) -> Iterator[str]:
     """Yield every asset with its state, kind, and place or destination."""
     for name in (*digest.posts, *digest.down):
         kind = PLAIN_KINDS[world.assets[name].kind]
-        where = digest.posts.get(name, "").partition(" ")[2]
+        location = digest.posts.get(name, "").partition(" ")[2]
         link = ", poor link" if name in digest.degraded_comms else ""
-        yield f"{name}: {asset_state(digest, name)} {kind} {where}".rstrip() + link
+        yield f"{name}: {asset_state(digest, name)} {kind} {location}".rstrip() + link
 
 
 def _free(digest: Digest) -> Iterator[str]:

@@ -85,8 +85,8 @@ def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
     return picture_prefix(role, world, digest)
 
 
-def _compact_opening(world: World, digest: Digest, words: str, asked: str) -> str:
-    return compact_opening_grammar(grounded_asked(world, digest, words, asked))
+def _compact_opening(world: World, digest: Digest, words: str, reading: str) -> str:
+    return compact_opening_grammar(grounded_asked(world, digest, words, reading))
 
 
 def _reader_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:

@@ -280,7 +280,7 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
     if not isinstance(engine, ServerEngine):
         return Check(title, "ok", f"{engine.name}: the backend of another package, not asked")
     asyncio.run(_looked(engine))
-    answer = engine.report.told if engine.usable else engine.detail
+    answer = engine.report.words if engine.usable else engine.detail
     key = ServerKey.find(engine.address, KEY_VARIABLES[use])
     if engine.state == "unconstrained":
         remedy = "use a server that holds answers to a JSON schema or a grammar"
