@@ -57,6 +57,8 @@ _RECALLING = frozenset(_WORDS["recalling"])
 _NOBODY = re.compile(r" (?:nobody|no one) ")
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|«[^»]*»|(?<!\w)'[^']{3,}'(?!\w)")
 
+_ONLY_GOING = frozenset((GOING,))
+
 
 @dataclass(frozen=True)
 class Demand:
@@ -310,9 +312,6 @@ class _Reading:
         """Return the operator's own words for some tokens."""
         typed = self._linked._replace(original=self._typed)
         return typed.original_words(tokens[0].start, tokens[-1].end).strip()
-
-
-_ONLY_GOING = frozenset((GOING,))
 
 
 class Contradiction(NamedTuple):

@@ -28,6 +28,24 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
+_NAME = re.compile(r"[A-Za-z0-9_]+")
+_CORRECTING = frozenset(
+    (
+        *("no", "nah", "na", "nope", "sorry", "correction", "wait", "actually", "scratch"),
+        *("rather", "disregard", "belay"),
+    )
+)
+_CORRECTS = re.compile(
+    rf"\b(?:(?:{'|'.join(sorted(_CORRECTING))})\b\s*[,.:;!-]|scratch (?:that|it)|make (?:that|it)\b"
+    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)"
+    r"(?!\s*(?:also|and|plus|then|as well)\b)",
+    re.IGNORECASE,
+)
+"""Markers of a correction within an order; *actually, also* goes on with it instead."""
+_NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
+
+_ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
+
 
 def _any_of(name: str) -> re.Pattern[str]:
     return re.compile(any_of("mention_check", name))
@@ -46,21 +64,6 @@ _PAIR = _any_of("pair")
 _GATES = _any_of("gates")
 _EVERY_GATE = _any_of("every_gate")
 """The words for places without their names, in lower case."""
-_NAME = re.compile(r"[A-Za-z0-9_]+")
-_CORRECTING = frozenset(
-    (
-        *("no", "nah", "na", "nope", "sorry", "correction", "wait", "actually", "scratch"),
-        *("rather", "disregard", "belay"),
-    )
-)
-_CORRECTS = re.compile(
-    rf"\b(?:(?:{'|'.join(sorted(_CORRECTING))})\b\s*[,.:;!-]|scratch (?:that|it)|make (?:that|it)\b"
-    r"|i (?:mean|meant)\b|never ?mind\b|(?:strike|belay|disregard) that\b)"
-    r"(?!\s*(?:also|and|plus|then|as well)\b)",
-    re.IGNORECASE,
-)
-"""Markers of a correction within an order; *actually, also* goes on with it instead."""
-_NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
 class AccountedMention(NamedTuple):
@@ -191,9 +194,6 @@ def leans(scene: ReferenceScene, text: str) -> bool:
     words = {token.word for token in read_tokens(text)}
     anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
     return not (anyone and somewhere)
-
-
-_ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:

@@ -55,19 +55,6 @@ READS_AS: Mapping[MoodKind, str] = {
 }
 """A description of each kind that completes *That reads as ...*."""
 
-
-class NoOrder(NamedTuple):
-    """The kind of sign that makes a text no order, and the sentence that has it."""
-
-    kind: MoodKind
-    sentence: str
-
-    @property
-    def question(self) -> str:
-        """The question back to the operator, in one or two sentences."""
-        return f"That reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
-
-
 _SAY_IT = "To have it done, say who is to do what, and where."
 _INSTEAD: defaultdict[str, str] = defaultdict(
     lambda: _SAY_IT,
@@ -75,23 +62,6 @@ _INSTEAD: defaultdict[str, str] = defaultdict(
     questioned="Ask for a report, or say who is to do what, and where.",
     waiting="Give the order when the time has come, or name a time or a state that sensors show.",
 )
-
-
-class _Sign(NamedTuple):
-    """A sign in the words of a sentence, with the range of its characters."""
-
-    kind: MoodKind
-    start: int
-    end: int
-
-
-class _Sentence(NamedTuple):
-    """A sentence in the form that the patterns match, and as written."""
-
-    words: str
-    """Words and punctuation, separated by single blanks; names are ASSET, PLACE or KIND."""
-    text: str
-
 
 _WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
 """Signs that apply to the whole sentence, wherever they stand in it."""
@@ -109,6 +79,58 @@ _ORDERED: tuple[MoodKind, ...] = (
     "needless", "prohibited", "past", "benign",
 )  # fmt: skip
 """The kinds by precedence: a sentence with several signs is described by the first."""
+
+_MACHINES = KINDS.keys() | {"asset", "unit", "machine"}
+_QUOTE = "quotedwords"
+"""The placeholder for a quotation."""
+_ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
+
+_OPENING = re.compile(
+    r"(?:(?:\w+ ){0,2}, |(?:and|so|but|hey|ok|okay|well|now|say|please|sorry|um|uh|erm) )*"
+)
+"""A form of address or a filler before a question."""
+
+_CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
+"""Verbs after which an asset and a participle are an order: *get Drone_T04 headed home*."""
+
+_POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody|someone)\b")
+
+_CLOSING = len(" .")
+
+_OWN = re.compile(
+    r"(?:, |; )(?:so |but |and |then |therefore |still )*(?:could|can|would|will) you\b"
+    r"|\b(?:so|but) (?:please|i|let|have|send|get|put|move)\b|, (?:so|but) "
+)
+
+_STOP = re.compile(r" [,.:;!?–—]")
+
+
+class NoOrder(NamedTuple):
+    """The kind of sign that makes a text no order, and the sentence that has it."""
+
+    kind: MoodKind
+    sentence: str
+
+    @property
+    def question(self) -> str:
+        """The question back to the operator, in one or two sentences."""
+        return f"That reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
+
+
+class _Sign(NamedTuple):
+    """A sign in the words of a sentence, with the range of its characters."""
+
+    kind: MoodKind
+    start: int
+    end: int
+
+
+class _Sentence(NamedTuple):
+    """A sentence in the form that the patterns match, and as written."""
+
+    words: str
+    """Words and punctuation, separated by single blanks; names are ASSET, PLACE or KIND."""
+    text: str
 
 
 def no_order(world: World, text: str) -> NoOrder | None:
@@ -187,12 +209,6 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
         yield _Sentence(" ".join(words), linked.original_words(start, end).strip())
 
 
-_MACHINES = KINDS.keys() | {"asset", "unit", "machine"}
-_QUOTE = "quotedwords"
-"""The placeholder for a quotation."""
-_ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
-
-
 def _read(sentence: _Sentence, *, bare: bool, benign: bool) -> tuple[NoOrder | None, bool]:
     """Return the sign of a sentence, and whether a part without a sign asks for anything.
 
@@ -263,16 +279,6 @@ def _questions(words: str) -> Iterator[_Sign]:
         yield _Sign("questioned", start, len(words))
 
 
-_OPENING = re.compile(
-    r"(?:(?:\w+ ){0,2}, |(?:and|so|but|hey|ok|okay|well|now|say|please|sorry|um|uh|erm) )*"
-)
-"""A form of address or a filler before a question."""
-
-
-_CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
-"""Verbs after which an asset and a participle are an order: *get Drone_T04 headed home*."""
-
-
 def _is_kept(words: str, negated: re.Match[str]) -> bool:
     """Return whether leaving or losing something is forbidden, which is an order to keep it."""
     after = negated[0].rpartition(" not ")[2].split()[:3]
@@ -286,9 +292,6 @@ def _is_asked(words: str, start: int) -> bool:
     if words[:start].endswith("why "):
         return True
     return _POLITE.match(words, start) is not None
-
-
-_POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody|someone)\b")
 
 
 def _is_supposed(words: str, start: int) -> bool:
@@ -323,9 +326,6 @@ def _own_words(words: str, start: int) -> int:
     return len(words) if match is None else match.start()
 
 
-_CLOSING = len(" .")
-
-
 def _speaks_of_tasks(content: str) -> bool:
     """Return whether reported words are about the actions of assets rather than of a visitor."""
     words = content.split()
@@ -338,12 +338,6 @@ def _speaks_of_tasks(content: str) -> bool:
 @cache
 def _action() -> re.Pattern[str]:
     return re.compile(rf"\b(?:{_list('act')}|{_list('doing')})\b")
-
-
-_OWN = re.compile(
-    r"(?:, |; )(?:so |but |and |then |therefore |still )*(?:could|can|would|will) you\b"
-    r"|\b(?:so|but) (?:please|i|let|have|send|get|put|move)\b|, (?:so|but) "
-)
 
 
 def _waits(words: str) -> Iterator[_Sign]:
@@ -360,9 +354,6 @@ def _waits(words: str) -> Iterator[_Sign]:
         seen = found[0] == "after" or _set("observable").intersection(content)
         if content and (_set("unseen").intersection(content) or not seen):
             yield _Sign("waiting", *found.span())
-
-
-_STOP = re.compile(r" [,.:;!?–—]")
 
 
 def _directs(part: str, *, bare: bool, benign: bool = False) -> bool:

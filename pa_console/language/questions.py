@@ -18,6 +18,13 @@ from pa_console.language.references.reader import BARE, Reader, asset_at, place_
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.events.intake import QuestionTopic
 
+_WORDS = word_lists("questions")
+MOST_WORDS = 24
+"""A longer text is not read as a question."""
+
+_SUGGESTING = ("do", "does")
+"""Verbs that may give an order with *not*: *Why don't you stop?*"""
+
 
 @dataclass(frozen=True)
 class Question:
@@ -29,14 +36,6 @@ class Question:
     text: str
     topic: QuestionTopic
     subjects: tuple[str, ...] = ()
-
-
-_WORDS = word_lists("questions")
-MOST_WORDS = 24
-"""A longer text is not read as a question."""
-
-_SUGGESTING = ("do", "does")
-"""Verbs that may give an order with *not*: *Why don't you stop?*"""
 
 
 class _TopicWords(NamedTuple):

@@ -19,6 +19,19 @@ from pa_console.schema.finding import Usage
 CANCELLED = "cancelled"
 """The error of an answer that was interrupted."""
 
+ChatFormat = Literal["template", "chatml", "plain"]
+"""The format of a prompt: the template in the model's file, or a built-in one."""
+
+Finish = Literal["stop", "length", "cancelled", "deadline"]
+Chance = tuple[int, float]
+"""A chosen token: the number of characters before it, and the logarithm of its probability."""
+
+GROUP = "pa_console.backends"
+OWN = EntryPoint("openai", "pa_console.llm.remote.engine:open_server", GROUP)
+
+OnText = Callable[[str], object]
+"""A callback for an answer, piece by piece as it is generated."""
+
 
 class ModelError(Exception):
     """A model that is unknown, missing, or not the file that the catalogue pins."""
@@ -80,14 +93,6 @@ class Request:
     yields: bool = False
     """True if no caller waits: any other prompt interrupts it, and it ends as `cancelled`. The
     evaluated part of the prompt is kept for the next request."""
-
-
-ChatFormat = Literal["template", "chatml", "plain"]
-"""The format of a prompt: the template in the model's file, or a built-in one."""
-
-Finish = Literal["stop", "length", "cancelled", "deadline"]
-Chance = tuple[int, float]
-"""A chosen token: the number of characters before it, and the logarithm of its probability."""
 
 
 @dataclass(frozen=True)
@@ -160,10 +165,6 @@ class BackendOptions:
     """Seconds to wait for an answer before the local model takes over."""
 
 
-GROUP = "pa_console.backends"
-OWN = EntryPoint("openai", "pa_console.llm.remote.engine:open_server", GROUP)
-
-
 @cache
 def backend_schemes() -> dict[str, EntryPoint]:
     """Return the entry point of each scheme; no package can replace the built-in ones."""
@@ -187,10 +188,6 @@ def open_backend(name: str, options: BackendOptions) -> Backend:
     except (ImportError, AttributeError) as error:
         raise ModelError(f"{name}: the backend {point.value} cannot be loaded: {error}") from error
     return opener(name, options)
-
-
-OnText = Callable[[str], object]
-"""A callback for an answer, piece by piece as it is generated."""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,9 @@ _ACTS = {
 SURE_ENOUGH = 0.9
 """The lowest confidence in a reading with which a standing order approves a plan."""
 
+Approver = Callable[[ev.ApprovalRequested], Decision]
+ApprovalMode = Literal["auto", "never"]
+
 
 @dataclass(frozen=True)
 class CheckedPlan:
@@ -211,10 +214,6 @@ def _not_approvable(request: ApprovalRequested, decision: Decision) -> str:
     if request.needs_override and not (decision.override_judge and decision.reason.strip()):
         return "the judge said Failure: overriding it needs a reason"
     return ""
-
-
-Approver = Callable[[ev.ApprovalRequested], Decision]
-ApprovalMode = Literal["auto", "never"]
 
 
 def standing_approver(

@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 MOST_REMEMBERED = 20
 """The number of past missions that are kept, the latest ones, because orders may refer to them."""
 
+Emit = Callable[[EventPayload], None]
+"""Accepts an event; the station logs it before any other part receives it."""
+
 
 @dataclass
 class PastOrders:
@@ -84,10 +87,6 @@ def ordered_by(plan: Plan, picture: Picture) -> tuple[Move, ...]:
 def _place(picture: Picture, name: str) -> str:
     asset = picture.assets.get(name)
     return "" if asset is None else asset.post or asset.at or ""
-
-
-Emit = Callable[[EventPayload], None]
-"""Accepts an event; the station logs it before any other part receives it."""
 
 
 @dataclass(frozen=True)

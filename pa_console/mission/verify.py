@@ -32,6 +32,9 @@ from pa_console.schema.world import World
 
 STILL_MPS = 0.5
 
+Start = Callable[[Coroutine[None, None, object]], object]
+"""Starts a coroutine that runs alongside the session."""
+
 
 class _Conclusion(NamedTuple):
     """A conclusion from telemetry, its reason, and the time of its oldest report."""
@@ -253,10 +256,6 @@ def ask_about_outcome(
     if compared and read_asked(reading) is not None:
         return JudgeQuestion("outcome", prompt, goes_on(f'{{"feedback": "{reading}{PLANNED}'))
     return JudgeQuestion("outcome", prompt, prompt_format.outcome_opening, goes_on=goes_on)
-
-
-Start = Callable[[Coroutine[None, None, object]], object]
-"""Starts a coroutine that runs alongside the session."""
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,8 @@ KIND_FORMS: Mapping[str, AssetKind] = {
 }
 """Each form of the words for kinds of assets, with the kind."""
 
+_DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
+
 
 @dataclass(frozen=True)
 class Clause:
@@ -126,7 +128,6 @@ UNLAWFUL: tuple[Aggravation, ...] = (
     Aggravation("noncombatants", " with noncombatants", " (though noncombatants are there)"),
 )
 """The additions after a clause."""
-_DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
 
 
 def written(task: Task, slots: Mapping[str, str], wrong: Wrong | None = None) -> str:

@@ -39,6 +39,58 @@ Fact = Literal[
 """A fact that an order may depend on, as far as the picture shows it."""
 TrackKind = Literal["vehicle", "person", ""]
 
+Task = Literal[
+    "go",  # who moves to place
+    "look",  # who (drones) observes place
+    "identify",  # who (robots) identifies the contact at place
+    "warn",  # who (robots) warns the contact at place
+    "block",  # who (vehicles) blocks the lane at place
+    "respond",  # an unknown contact is at place: take the next step; no asset is named
+    "cover",  # place has no guard, or loses its own (`leaving`): an asset goes there
+    "relieve",  # who takes over place from `leaving`, which goes home
+    "swap",  # the two named assets change places
+    "home",  # who returns to the base
+    "stand_down",  # place is settled: its reinforcements go home
+    "mass",  # every free asset (of a kind) goes to place
+    "report",  # who reports; a question
+    "hold",  # who stays where it is; no other command is given
+    "refused",  # only read: what no order may have, for the reason in `wrong`
+    "unreadable",  # only read: words that are not canonical
+]
+"""The tasks that an order can ask for."""
+TASK_OF: Mapping[Verb, Task] = {
+    "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
+    "block": "block", "return_to_base": "home", "report": "report",
+}  # fmt: skip
+"""The task that each command carries out."""
+Wrong = Literal[
+    "force",  # shoot, ram, run over (ROE-01)
+    "skip_identification",  # warn or block at once, explicitly without finding out who (ROE-02)
+    "skip_warning",  # block at once, explicitly without a warning (ROE-03)
+    "override",  # set a rule aside (ROE-05)
+    "chase",  # follow beyond the perimeter (ROE-06)
+    "zone",  # enter a restricted zone (ROE-07)
+    "noncombatants",  # identify, warn or block noncombatants, who are only watched (ROE-08)
+    "strip",  # leave a gate without guard (WF-03)
+    "unknown_place",  # a place that is no frame (CAP-06)
+    "unknown_asset",  # an asset that does not exist
+    "down",  # a named asset that is down
+    "incapable",  # a kind that cannot do it: a drone warns, a robot flies (CAP-01..03)
+    "none_left",  # a kind of which none is free
+]
+"""The reasons why an ask cannot be carried out as meant."""
+
+VERB_FOR: Mapping[Task, Verb] = {
+    TASK_OF[verb]: verb for verb, spec in COMMANDS.items() if len(spec.kinds) < len(KINDS)
+}
+"""The command for a task, if only some kinds of assets have that command."""
+KIND_FOR: Mapping[Task, AssetKind] = {
+    task: kind for task, verb in VERB_FOR.items() for kind in COMMANDS[verb].kinds
+}
+"""The kind of assets that a task requires."""
+PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
+"""The tasks that need a place."""
+
 
 class Condition(StrictModel):
     """The condition under which the order applies."""
@@ -95,48 +147,6 @@ def in_words(condition: Condition) -> str:
     return CONDITIONS[condition.fact].words.write(slots)
 
 
-Task = Literal[
-    "go",  # who moves to place
-    "look",  # who (drones) observes place
-    "identify",  # who (robots) identifies the contact at place
-    "warn",  # who (robots) warns the contact at place
-    "block",  # who (vehicles) blocks the lane at place
-    "respond",  # an unknown contact is at place: take the next step; no asset is named
-    "cover",  # place has no guard, or loses its own (`leaving`): an asset goes there
-    "relieve",  # who takes over place from `leaving`, which goes home
-    "swap",  # the two named assets change places
-    "home",  # who returns to the base
-    "stand_down",  # place is settled: its reinforcements go home
-    "mass",  # every free asset (of a kind) goes to place
-    "report",  # who reports; a question
-    "hold",  # who stays where it is; no other command is given
-    "refused",  # only read: what no order may have, for the reason in `wrong`
-    "unreadable",  # only read: words that are not canonical
-]
-"""The tasks that an order can ask for."""
-TASK_OF: Mapping[Verb, Task] = {
-    "hold": "hold", "move_to": "go", "observe": "look", "identify": "identify", "warn": "warn",
-    "block": "block", "return_to_base": "home", "report": "report",
-}  # fmt: skip
-"""The task that each command carries out."""
-Wrong = Literal[
-    "force",  # shoot, ram, run over (ROE-01)
-    "skip_identification",  # warn or block at once, explicitly without finding out who (ROE-02)
-    "skip_warning",  # block at once, explicitly without a warning (ROE-03)
-    "override",  # set a rule aside (ROE-05)
-    "chase",  # follow beyond the perimeter (ROE-06)
-    "zone",  # enter a restricted zone (ROE-07)
-    "noncombatants",  # identify, warn or block noncombatants, who are only watched (ROE-08)
-    "strip",  # leave a gate without guard (WF-03)
-    "unknown_place",  # a place that is no frame (CAP-06)
-    "unknown_asset",  # an asset that does not exist
-    "down",  # a named asset that is down
-    "incapable",  # a kind that cannot do it: a drone warns, a robot flies (CAP-01..03)
-    "none_left",  # a kind of which none is free
-]
-"""The reasons why an ask cannot be carried out as meant."""
-
-
 @dataclass(frozen=True, slots=True)
 class Who:
     """The assets for a task: names, or a kind and a number, or any."""
@@ -186,18 +196,6 @@ class Reading(NamedTuple):
     def readable(self) -> bool:
         """True if the console understands every clause."""
         return all(ask.task != "unreadable" for ask in self.asks)
-
-
-VERB_FOR: Mapping[Task, Verb] = {
-    TASK_OF[verb]: verb for verb, spec in COMMANDS.items() if len(spec.kinds) < len(KINDS)
-}
-"""The command for a task, if only some kinds of assets have that command."""
-KIND_FOR: Mapping[Task, AssetKind] = {
-    task: kind for task, verb in VERB_FOR.items() for kind in COMMANDS[verb].kinds
-}
-"""The kind of assets that a task requires."""
-PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
-"""The tasks that need a place."""
 
 
 class Obstacle(NamedTuple):

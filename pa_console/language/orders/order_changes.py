@@ -37,6 +37,15 @@ _NOUNS = frozenset(_WORDS["nouns"])
 _NEXT = frozenset(_WORDS["next"])
 _FILLERS = frozenset(_WORDS["fillers"])
 
+_MANUAL = word_lists("manual_control")
+_MANUAL_FILLERS = frozenset(_MANUAL["fillers"])
+_JOINED = frozenset(_MANUAL["joined"])
+_POINTED = frozenset(_MANUAL["pointed"])
+_ALL = frozenset(_MANUAL["all"])
+_ASSET_SLOT = "X"
+MOST_WORDS = 24
+"""A longer text is not read as a request for manual control."""
+
 
 class Changeable(Protocol):
     """An order that words can change: a standing order, or an order in steps that is under way."""
@@ -133,16 +142,6 @@ def _without(words: list[str], tail: list[str]) -> list[str]:
         if words[at : at + len(tail)] == tail:
             return words[:at]
     return words
-
-
-_MANUAL = word_lists("manual_control")
-_MANUAL_FILLERS = frozenset(_MANUAL["fillers"])
-_JOINED = frozenset(_MANUAL["joined"])
-_POINTED = frozenset(_MANUAL["pointed"])
-_ALL = frozenset(_MANUAL["all"])
-_ASSET_SLOT = "X"
-MOST_WORDS = 24
-"""A longer text is not read as a request for manual control."""
 
 
 @dataclass(frozen=True)

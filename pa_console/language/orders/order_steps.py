@@ -38,6 +38,8 @@ _CONDITIONAL = frozenset(_WORDS["conditional"])
 _AFTERWARDS = _WORDS["afterwards"]
 _IMPERATIVES = frozenset(_WORDS["imperatives"])
 
+_CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
+
 
 @dataclass(frozen=True)
 class ReadSteps:
@@ -83,9 +85,6 @@ def unkept_steps(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     if steps is None:
         return ()
     return (steps.question,) if isinstance(steps, Unclear) else (" then ".join(steps.steps),)
-
-
-_CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
 
 
 class _Cutter:

@@ -26,6 +26,47 @@ from pa_console.language.references.reader import (
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene
 from pa_console.schema.command import ENCOUNTERS, STILL
 
+_WORDS = word_lists("conversation")
+_CORRECTING = frozenset(_WORDS["correcting"])
+_CORRECTING_PHRASES = _WORDS["correcting_phrases"]
+_UNDOING = _WORDS["undoing"]
+_SAME = frozenset(_WORDS["same"])
+_MORE = _WORDS["more"]
+_THERE = _WORDS["there"]
+_IT = _WORDS["it"]
+_THEM = _WORDS["them"]
+_THEY = _WORDS["they"]
+LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
+"""The words that refer to an earlier order."""
+_HER = frozenset(_WORDS["her"])
+"""Words after which *her* is not a possessive."""
+_SOMEBODY = frozenset((*CONTACTS, *_WORDS["somebody"]))
+_ENCOUNTER = frozenset(_WORDS["encounter"])
+"""Verbs whose object is a contact, never an asset."""
+_SAME_ELSEWHERE = _WORDS["same_elsewhere"]
+_ONWARDS = _WORDS["onwards"]
+_AND_THEN = frozenset(_WORDS["and_then"])
+_DONE = frozenset(_WORDS["done"])
+_STEADY = frozenset(_WORDS["steady"])
+"""Words that may stand beside places, *next* and *done* in an order to continue."""
+_EXISTENTIAL = frozenset(_WORDS["existential"])
+_WELL = frozenset(_WORDS["well"])
+"""Words that ask about the condition of an asset."""
+_HOME = frozenset(_WORDS["home"])
+_SHORT = 11
+"""Words; a longer order is taken as complete."""
+_WEATHER = frozenset(_WORDS["weather"])
+"""Verbs and nouns that go with an *it* that is not an asset."""
+_OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
+_PUTTING = frozenset(("go", "mass", "cover", "home"))
+
+_MAKE_IT = ("make it", "make that")
+_MOST_CORRECTING = 16
+"""Words; a longer correction is an order of its own."""
+_BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
+
+_STILL_LEANING = frozenset(_WORDS["still_leaning"])
+
 
 @dataclass(frozen=True)
 class ResolvedReference:
@@ -64,41 +105,6 @@ def substituted(text: str, references: Sequence[ResolvedReference]) -> str:
         parts += [text[done : reference.start], reference.written]
         done = reference.end
     return "".join((*parts, text[done:]))
-
-
-_WORDS = word_lists("conversation")
-_CORRECTING = frozenset(_WORDS["correcting"])
-_CORRECTING_PHRASES = _WORDS["correcting_phrases"]
-_UNDOING = _WORDS["undoing"]
-_SAME = frozenset(_WORDS["same"])
-_MORE = _WORDS["more"]
-_THERE = _WORDS["there"]
-_IT = _WORDS["it"]
-_THEM = _WORDS["them"]
-_THEY = _WORDS["they"]
-LEANING = frozenset((*_IT, *_THEM, *_THEY, *_THERE, *_SAME))
-"""The words that refer to an earlier order."""
-_HER = frozenset(_WORDS["her"])
-"""Words after which *her* is not a possessive."""
-_SOMEBODY = frozenset((*CONTACTS, *_WORDS["somebody"]))
-_ENCOUNTER = frozenset(_WORDS["encounter"])
-"""Verbs whose object is a contact, never an asset."""
-_SAME_ELSEWHERE = _WORDS["same_elsewhere"]
-_ONWARDS = _WORDS["onwards"]
-_AND_THEN = frozenset(_WORDS["and_then"])
-_DONE = frozenset(_WORDS["done"])
-_STEADY = frozenset(_WORDS["steady"])
-"""Words that may stand beside places, *next* and *done* in an order to continue."""
-_EXISTENTIAL = frozenset(_WORDS["existential"])
-_WELL = frozenset(_WORDS["well"])
-"""Words that ask about the condition of an asset."""
-_HOME = frozenset(_WORDS["home"])
-_SHORT = 11
-"""Words; a longer order is taken as complete."""
-_WEATHER = frozenset(_WORDS["weather"])
-"""Verbs and nouns that go with an *it* that is not an asset."""
-_OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
-_PUTTING = frozenset(("go", "mass", "cover", "home"))
 
 
 @dataclass(frozen=True)
@@ -143,12 +149,6 @@ def corrects(text: str) -> Literal["replaces", "takes back", ""]:
     return "replaces" if begins else ""
 
 
-_MAKE_IT = ("make it", "make that")
-_MOST_CORRECTING = 16
-"""Words; a longer correction is an order of its own."""
-_BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
-
-
 def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     """Return the words of a resolved order that still refer to the previous one.
 
@@ -157,9 +157,6 @@ def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     if scene.last is None:
         return ()
     return tuple(dict.fromkeys(t.written for t in read_tokens(text) if t.word in _STILL_LEANING))
-
-
-_STILL_LEANING = frozenset(_WORDS["still_leaning"])
 
 
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:

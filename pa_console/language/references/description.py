@@ -33,6 +33,9 @@ _MEMORY = 2
 """The number of past missions to which *the drone* can refer."""
 _CLAUSE = frozenset(_WORDS["clause"])
 
+Way = Callable[[], bool]
+"""Reads one trait and returns whether there was one."""
+
 
 @dataclass(frozen=True)
 class Superlative:
@@ -216,10 +219,6 @@ class PartialDescription:
         if team := self.scene.members(self.reader.word()):
             self.reader.at += 1
             self.traits.append(lambda _, name: name in team)
-
-
-Way = Callable[[], bool]
-"""Reads one trait and returns whether there was one."""
 
 
 def works(scene: ReferenceScene, name: str) -> bool:

@@ -16,6 +16,60 @@ _TOKEN = re.compile(r"[^\W_](?:[\w-]*\w)?|['’](?:s|re|ve|d|ll|m)\b|n['’]t\b|
 _NOT = re.compile(r"(?<=[a-z])n['’]t\b", re.IGNORECASE)
 _SAME = {"n't": "not", "’s": "'s", "’re": "'re", "can't": "can", "noone": "nobody"}
 
+_WORDS = word_lists("descriptions")
+DEFINITE = frozenset(_WORDS["definite"])
+INDEFINITE = frozenset(_WORDS["indefinite"])
+FREE_CHOICE = frozenset(_WORDS["free_choice"])
+EVERY_ONE = _WORDS["every_one"]
+EVERY = frozenset(_WORDS["every"])
+ANYBODY = frozenset(_WORDS["anybody"])
+EVERYBODY = frozenset(_WORDS["everybody"])
+NEAR = frozenset(_WORDS["near"])
+FAR = frozenset(_WORDS["far"])
+FULLER = frozenset(_WORDS["fuller"])
+EMPTIER = frozenset(_WORDS["emptier"])
+MOST = FULLER | frozenset(_WORDS["most"])
+LEAST = EMPTIER | frozenset(_WORDS["least"])
+CHARGE = frozenset(_WORDS["charge"])
+BARE = frozenset(_WORDS["bare"])
+GUARDS = frozenset(_WORDS["guards"])
+GUARDING = frozenset(
+    word
+    for stem in ("guard", "cover", "watch", "protect", "hold", "mann")
+    for word in (stem, f"{stem}s", f"{stem}ing", f"{stem}es")
+)
+GUARDED = frozenset(_WORDS["guarded"])
+COPULA = frozenset(_WORDS["copula"])
+SAYING = COPULA - {"standing", "sitting"} | {"hovers", "stays"}
+"""Words that begin a relative clause without *that* or *who*."""
+STANDING = COPULA | {
+    *("waiting", "hovers", "hovering", "parked", "posted", "stationed", "hanging", "stays"),
+    *("around", "right", "now", "currently", "still", "up", "about", "just", "idling", "parking"),
+}
+IN = frozenset(_WORDS["in"])
+IDLE = frozenset(_WORDS["idle"])
+FAILED = frozenset(_WORDS["failed"])
+SILENT = frozenset(_WORDS["silent"])
+BUT = _WORDS["but"]
+SENT = frozenset(_WORDS["sent"])
+AFTER_ONE = frozenset(
+    (*STANDING, *NEAR, *FAR, *IN, "with", "without", "that", "which", "who", "i", "we", "you")
+)
+"""Words that may follow *the one* where it stands for a noun."""
+CONTACTS: Mapping[str, str] = {
+    word: "" if sort == "either" else sort
+    for sort, words in word_lists("contacts").items()
+    for word in words
+}
+"""Words for contacts, each with its kind of track; '' if it may be either."""
+DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
+"""Words after which *one* is not a pronoun."""
+LEAVING = frozenset(_WORDS["leaving"])
+BESIDE = frozenset(_WORDS["beside"])
+"""Words, besides verbs, punctuation and places, that may follow a noun phrase without a noun."""
+PUTTING = frozenset(_WORDS["putting"])
+COMING = frozenset(_WORDS["coming"])
+
 
 class WordToken(NamedTuple):
     """A word in lower case and as written, with the range of its characters."""
@@ -95,61 +149,6 @@ class Reader:
         """Skip all of `words` that come next."""
         while self.take_in(words):
             pass
-
-
-_WORDS = word_lists("descriptions")
-DEFINITE = frozenset(_WORDS["definite"])
-INDEFINITE = frozenset(_WORDS["indefinite"])
-FREE_CHOICE = frozenset(_WORDS["free_choice"])
-EVERY_ONE = _WORDS["every_one"]
-EVERY = frozenset(_WORDS["every"])
-ANYBODY = frozenset(_WORDS["anybody"])
-EVERYBODY = frozenset(_WORDS["everybody"])
-NEAR = frozenset(_WORDS["near"])
-FAR = frozenset(_WORDS["far"])
-FULLER = frozenset(_WORDS["fuller"])
-EMPTIER = frozenset(_WORDS["emptier"])
-MOST = FULLER | frozenset(_WORDS["most"])
-LEAST = EMPTIER | frozenset(_WORDS["least"])
-CHARGE = frozenset(_WORDS["charge"])
-BARE = frozenset(_WORDS["bare"])
-GUARDS = frozenset(_WORDS["guards"])
-GUARDING = frozenset(
-    word
-    for stem in ("guard", "cover", "watch", "protect", "hold", "mann")
-    for word in (stem, f"{stem}s", f"{stem}ing", f"{stem}es")
-)
-GUARDED = frozenset(_WORDS["guarded"])
-COPULA = frozenset(_WORDS["copula"])
-SAYING = COPULA - {"standing", "sitting"} | {"hovers", "stays"}
-"""Words that begin a relative clause without *that* or *who*."""
-STANDING = COPULA | {
-    *("waiting", "hovers", "hovering", "parked", "posted", "stationed", "hanging", "stays"),
-    *("around", "right", "now", "currently", "still", "up", "about", "just", "idling", "parking"),
-}
-IN = frozenset(_WORDS["in"])
-IDLE = frozenset(_WORDS["idle"])
-FAILED = frozenset(_WORDS["failed"])
-SILENT = frozenset(_WORDS["silent"])
-BUT = _WORDS["but"]
-SENT = frozenset(_WORDS["sent"])
-AFTER_ONE = frozenset(
-    (*STANDING, *NEAR, *FAR, *IN, "with", "without", "that", "which", "who", "i", "we", "you")
-)
-"""Words that may follow *the one* where it stands for a noun."""
-CONTACTS: Mapping[str, str] = {
-    word: "" if sort == "either" else sort
-    for sort, words in word_lists("contacts").items()
-    for word in words
-}
-"""Words for contacts, each with its kind of track; '' if it may be either."""
-DETERMINED = frozenset((*DEFINITE, *INDEFINITE, *EVERY, *FREE_CHOICE, "number", "only"))
-"""Words after which *one* is not a pronoun."""
-LEAVING = frozenset(_WORDS["leaving"])
-BESIDE = frozenset(_WORDS["beside"])
-"""Words, besides verbs, punctuation and places, that may follow a noun phrase without a noun."""
-PUTTING = frozenset(_WORDS["putting"])
-COMING = frozenset(_WORDS["coming"])
 
 
 def place_at(scene: ReferenceScene, reader: Reader) -> str:

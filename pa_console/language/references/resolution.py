@@ -71,6 +71,22 @@ _VAGUE = re.compile(
 _IF = re.compile(r"\b(?:if|when|unless|in case|once|should|until|before)\b")
 _ORDER = frozenset(("send", "go", "move", "put", "bring", "get", "let", "have", "take", "swap"))
 
+MOST_CHOICES = 6
+"""The most choices that a question lists; with more matches it lists none."""
+_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
+"""Quoted words, which are not references."""
+_STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
+_THERE = frozenset(("there", "it"))
+_NO_MOVE = frozenset(
+    ("home", "base", "report", "reports", "back", "return", "returns", "hold", "stay", "doing")
+)
+
+Answers = Mapping[str, str]
+"""The operator's answers about unclear words."""
+
+_ANY_GATE = frozenset(("the", "a", "one", "some", "our", "my", "that", "this"))
+_TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by", "outside"))
+
 
 def reported_state(text: str) -> State | None:
     """Return the state of an asset that `text` reports; None for an order or a question.
@@ -120,21 +136,6 @@ def what_is_due(scene: ReferenceScene, name: str, state: State) -> str:
     if alone and state == "silent":
         return f"{name} is silent, so {gate} needs a second guard: send one asset to {gate}."
     return ""
-
-
-MOST_CHOICES = 6
-"""The most choices that a question lists; with more matches it lists none."""
-_QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
-"""Quoted words, which are not references."""
-_STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
-_THERE = frozenset(("there", "it"))
-_NO_MOVE = frozenset(
-    ("home", "base", "report", "reports", "back", "return", "returns", "hold", "stay", "doing")
-)
-
-
-Answers = Mapping[str, str]
-"""The operator's answers about unclear words."""
 
 
 def resolve(
@@ -188,10 +189,6 @@ def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
             choices = tuple(gates) if len(gates) <= MOST_CHOICES else ()
             return Unclear(words, "Which gate is meant?", choices)
     return None
-
-
-_ANY_GATE = frozenset(("the", "a", "one", "some", "our", "my", "that", "this"))
-_TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by", "outside"))
 
 
 def with_answers(text: str, answers: Answers) -> str:

@@ -27,6 +27,38 @@ BENEATH = 1
 """The kind of a rule: for a file, or for a folder and everything in it."""
 SET_NO_NEW_PRIVILEGES = 38
 
+KEPT_VARIABLES = frozenset((
+    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH",
+    "SYSTEMROOT", "PYTHONPATH", "PYTHONHOME", "PYTHONUSERBASE", "PYTHONNOUSERSITE",
+    "PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX", "OMP_NUM_THREADS", "OMP_PLACES",
+    "OMP_PROC_BIND", "OMP_WAIT_POLICY", "GOMP_CPU_AFFINITY", "GOMP_SPINCOUNT",
+    "OPENBLAS_NUM_THREADS",
+))  # fmt: skip
+"""The environment variables for Python, its libraries, language and thread placement; none is
+secret."""
+
+OPEN_FILES = 64
+WORK_BYTES = 2 << 30
+"""The memory for Python, its libraries and a grammar; 0.3 GB were measured with a 135M model."""
+
+WEIGHTS_TIMES = 3
+"""With 4096 tokens per role, the caches of a 7B model take at most twice the size of its weights.
+"""
+
+THREAD_BYTES = 16 << 20
+PACKAGE = str(Path(__file__).parents[2])
+BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
+"""Variables that bind threads to cores."""
+STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
+OF_THE_SYSTEM = (
+    "/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo",
+    "/etc/ld.so.cache", "/etc/localtime", "/dev/null", "/dev/urandom", "/proc/self", "/proc/stat",
+    "/proc/cpuinfo", "/proc/meminfo", "/proc/sys", "/sys/devices/system", "/sys/fs/cgroup",
+)  # fmt: skip
+"""System files that Python and the C library read while the model runs."""
+TRIAL_LIMIT_S = 30.0
+REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
+
 
 class _Ruleset(ctypes.Structure):
     """`struct landlock_ruleset_attr`, first version: the rights that need a rule."""
@@ -76,39 +108,6 @@ def _allow_reading(library: ctypes.CDLL, ruleset: int, path: str | os.PathLike[s
             raise OSError(ctypes.get_errno(), "no rule of Landlock for it", os.fspath(path))
     finally:
         os.close(parent)
-
-
-KEPT_VARIABLES = frozenset((
-    "PATH", "HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH",
-    "SYSTEMROOT", "PYTHONPATH", "PYTHONHOME", "PYTHONUSERBASE", "PYTHONNOUSERSITE",
-    "PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX", "OMP_NUM_THREADS", "OMP_PLACES",
-    "OMP_PROC_BIND", "OMP_WAIT_POLICY", "GOMP_CPU_AFFINITY", "GOMP_SPINCOUNT",
-    "OPENBLAS_NUM_THREADS",
-))  # fmt: skip
-"""The environment variables for Python, its libraries, language and thread placement; none is
-secret."""
-
-OPEN_FILES = 64
-WORK_BYTES = 2 << 30
-"""The memory for Python, its libraries and a grammar; 0.3 GB were measured with a 135M model."""
-
-WEIGHTS_TIMES = 3
-"""With 4096 tokens per role, the caches of a 7B model take at most twice the size of its weights.
-"""
-
-THREAD_BYTES = 16 << 20
-PACKAGE = str(Path(__file__).parents[2])
-BINDING = frozenset(("OMP_PLACES", "OMP_PROC_BIND", "GOMP_CPU_AFFINITY"))
-"""Variables that bind threads to cores."""
-STATUS, MAPS = Path("/proc/self/status"), Path("/proc/self/maps")
-OF_THE_SYSTEM = (
-    "/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo",
-    "/etc/ld.so.cache", "/etc/localtime", "/dev/null", "/dev/urandom", "/proc/self", "/proc/stat",
-    "/proc/cpuinfo", "/proc/meminfo", "/proc/sys", "/sys/devices/system", "/sys/fs/cgroup",
-)  # fmt: skip
-"""System files that Python and the C library read while the model runs."""
-TRIAL_LIMIT_S = 30.0
-REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
 
 
 class Restriction(StrictModel):

@@ -81,6 +81,8 @@ DIED_LOADING = (
 GRACE_S = 1.0
 """Seconds for a worker to stop before it is killed."""
 
+OnState = Callable[[WorkerState, str], None]
+
 
 class Worker:
     """A running worker; `ready` yields True once its model is loaded, or `error` has the reason.
@@ -229,9 +231,6 @@ class ModelInfo:
     n_ctx: int
     description: str
     adapters: dict[str, str] = field(default_factory=dict[str, str])
-
-
-OnState = Callable[[WorkerState, str], None]
 
 
 class Engine:

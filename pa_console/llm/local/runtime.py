@@ -42,6 +42,20 @@ on the number of threads, by 0.2 and more. Without it they are identical, and it
 ABORTED = 2
 """The result of llama_decode after the abort callback stopped it."""
 
+_give_back: Any = (
+    getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+)
+"""Returns unused memory within the heap to the system; only glibc has it."""
+
+State = ctypes.Array[ctypes.c_uint8]
+"""The state of a sequence in a context; it has megabytes and is never copied."""
+
+Piece = tuple[int, int, Sequence[int]]
+"""A continuation's number, the position of its first new token, and the new tokens."""
+
+Placed = tuple[int, int, int, bool]
+"""A token to evaluate: sequence, position, token, and whether its logits are needed."""
+
 
 class AdapterSwitch:
     """The adapters of a loaded `model`, by the sequences that use them."""
@@ -76,21 +90,6 @@ def _load_adapter(model: Any, path: str) -> Any:
             f"{path}: not an adapter for this model that this version of llama.cpp can load"
         )
     return adapter
-
-
-_give_back: Any = (
-    getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
-)
-"""Returns unused memory within the heap to the system; only glibc has it."""
-
-State = ctypes.Array[ctypes.c_uint8]
-"""The state of a sequence in a context; it has megabytes and is never copied."""
-
-Piece = tuple[int, int, Sequence[int]]
-"""A continuation's number, the position of its first new token, and the new tokens."""
-
-Placed = tuple[int, int, int, bool]
-"""A token to evaluate: sequence, position, token, and whether its logits are needed."""
 
 
 @_api.llama_log_callback

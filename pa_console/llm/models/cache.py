@@ -36,6 +36,10 @@ STOP_S = 3.0
 LAST_WORDS = 64_000
 """The number of bytes at the end of a child's output that are searched for its last line."""
 
+Progress = Callable[[int, int, str], None]
+"""A callback with the bytes done, the estimated total and the present step; it may raise to stop.
+"""
+
 
 class CheckedFile:
     """An open file with a verified SHA-256; `route` is the path to load it by.
@@ -102,11 +106,6 @@ def hash_file(path: Path) -> str:
         while size := stream.readinto(piece):
             digest.update(piece[:size])
     return digest.hexdigest()
-
-
-Progress = Callable[[int, int, str], None]
-"""A callback with the bytes done, the estimated total and the present step; it may raise to stop.
-"""
 
 
 def silent(_done: int, _total: int, _text: str) -> None:

@@ -52,6 +52,8 @@ ENVIRONMENT = {
 
 STALL_S = 40.0
 
+HUB_EXTRA = f"the extra is not installed: {install_hint('hub')}"
+
 
 def label_of(source: WeightsSource) -> str:
     """Return the name of `source` for messages."""
@@ -178,9 +180,6 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
         most=most_bytes(2 * total),
     )
     return place / source.file
-
-
-HUB_EXTRA = f"the extra is not installed: {install_hint('hub')}"
 
 
 def pull(entry: ModelEntry, progress: Progress = silent) -> Path:

@@ -47,6 +47,14 @@ PLAIN_CHARACTERS = (range(0x250), range(0x2000, 0x2300))
 """Latin letters, punctuation, currencies, arrows and operators; they are kept if they are pieces.
 """
 
+_api: Any = llama_cpp
+FILE_TYPES: dict[Quantisation, int] = {
+    "f16": _api.LLAMA_FTYPE_MOSTLY_F16,
+    "bf16": _api.LLAMA_FTYPE_MOSTLY_BF16,
+    "q8_0": _api.LLAMA_FTYPE_MOSTLY_Q8_0,
+    "q4_0": _api.LLAMA_FTYPE_MOSTLY_Q4_0,
+}
+
 
 def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
     """Write the model of `source` to `target` with a smaller vocabulary; return its size.
@@ -158,15 +166,6 @@ def _content(reader: gguf.GGUFReader, name: str) -> Any:
     if field is None:
         raise ValueError(f"{name} is missing")
     return field.contents()
-
-
-_api: Any = llama_cpp
-FILE_TYPES: dict[Quantisation, int] = {
-    "f16": _api.LLAMA_FTYPE_MOSTLY_F16,
-    "bf16": _api.LLAMA_FTYPE_MOSTLY_BF16,
-    "q8_0": _api.LLAMA_FTYPE_MOSTLY_Q8_0,
-    "q4_0": _api.LLAMA_FTYPE_MOSTLY_Q4_0,
-}
 
 
 def quantise(source: str, target: str, quantisation: Quantisation) -> None:

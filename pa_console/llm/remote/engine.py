@@ -72,6 +72,8 @@ MOST_BEGINNINGS = 16
 OF_THE_QUESTION = (400, 413, 422)
 """The status codes of a working server that does not accept the request."""
 
+OnServer = Callable[[ServerState, str], None]
+
 
 def gbnf(schema: Schema) -> str:
     """Return the grammar of `schema` for llama.cpp: JSON with the spacing of the prompts."""
@@ -188,9 +190,6 @@ async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: 
         if not asked_for or error.status not in REFUSES:
             raise
     return reported
-
-
-OnServer = Callable[[ServerState, str], None]
 
 
 class ServerEngine:

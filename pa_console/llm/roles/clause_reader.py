@@ -50,6 +50,23 @@ SHOWN = 8
 """The number of taught orders in a prompt."""
 DEADLINE_S = 60.0
 
+READER = """\
+Read an order to a team at a checkpoint and say what it asks, in these clauses and no other words.
+Do not plan it. Write one JSON object. Several clauses are separated by "; ".
+WHO to PLACE: be there, go there. WHO look at GATE: watch, see what is there.
+identify at GATE: find out who it is. warn at GATE: tell somebody to leave. block GATE: close it.
+unknown vehicle at GATE, unknown person at GATE: somebody is there, see to it.
+cover GATE: it has no guard. relieve ASSET at GATE, WHO relieves ASSET at GATE: another takes over.
+swap ASSET and ASSET. stand down GATE: too many are there. all free to GATE: everybody who can.
+WHO home: back to base. WHO hold, hold: stay, do nothing. report, report by WHO: tell, a question.
+use force, chase beyond the perimeter, leave GATE without guard: what nobody may do.
+Before a clause: "WHO ", or nothing where it is left open. After a clause, if the order says so:
+without identification, without warning, with noncombatants; at the end: others stay.
+if CONDITION: CLAUSE, else: CLAUSE or nothing.
+WHO is an asset's name, or a number with a kind: 1 drone, 2 vehicles, 1 robot, all drones.
+A place that does not exist is "unknown place".
+"""
+
 
 class TaughtOrder(NamedTuple):
     """An order, with the names of its world, and its reading."""
@@ -87,24 +104,6 @@ def taught_orders() -> tuple[Sequence[TaughtOrder], Sequence[str]]:
             raise DocumentError(str(path), number, "", "write an order, a tab, and its clauses")
         orders.append(TaughtOrder(text, clauses))
     return orders, [without_names(order.text) for order in orders]
-
-
-READER = """\
-Read an order to a team at a checkpoint and say what it asks, in these clauses and no other words.
-Do not plan it. Write one JSON object. Several clauses are separated by "; ".
-WHO to PLACE: be there, go there. WHO look at GATE: watch, see what is there.
-identify at GATE: find out who it is. warn at GATE: tell somebody to leave. block GATE: close it.
-unknown vehicle at GATE, unknown person at GATE: somebody is there, see to it.
-cover GATE: it has no guard. relieve ASSET at GATE, WHO relieves ASSET at GATE: another takes over.
-swap ASSET and ASSET. stand down GATE: too many are there. all free to GATE: everybody who can.
-WHO home: back to base. WHO hold, hold: stay, do nothing. report, report by WHO: tell, a question.
-use force, chase beyond the perimeter, leave GATE without guard: what nobody may do.
-Before a clause: "WHO ", or nothing where it is left open. After a clause, if the order says so:
-without identification, without warning, with noncombatants; at the end: others stay.
-if CONDITION: CLAUSE, else: CLAUSE or nothing.
-WHO is an asset's name, or a number with a kind: 1 drone, 2 vehicles, 1 robot, all drones.
-A place that does not exist is "unknown place".
-"""
 
 
 def reading_prompt(

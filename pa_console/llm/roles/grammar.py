@@ -42,6 +42,13 @@ _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
 
+Schema = dict[str, Any]
+"""A simple JSON schema: objects with all properties required, arrays, strings, enums, anyOf."""
+
+TEXT_SCHEMA: Schema = {"type": "string"}
+"""Any text. Its length is not limited here, because llama.cpp takes half a minute to count 240
+characters."""
+
 
 def plan_grammar(  # noqa: PLR0917
     world: World,
@@ -257,14 +264,6 @@ def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:
             ways.append(f"{json.dumps(action)}{follows} %if bit_clear({bit})")
         lines.append(f"slot{number}::_: " + "\n  | ".join(ways))
     return "\n".join(lines) + "\n"
-
-
-Schema = dict[str, Any]
-"""A simple JSON schema: objects with all properties required, arrays, strings, enums, anyOf."""
-
-TEXT_SCHEMA: Schema = {"type": "string"}
-"""Any text. Its length is not limited here, because llama.cpp takes half a minute to count 240
-characters."""
 
 
 def plan_schema(

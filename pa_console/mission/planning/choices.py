@@ -41,6 +41,13 @@ _WAYS = 12
 _PARTS = 40
 """The number of parts of an order that are tried, the largest first."""
 
+Moves = Mapping[str, str]
+"""Destinations by agent, each the name of a frame."""
+Commands = tuple[tuple[str, str], ...]
+"""Agents with their commands."""
+
+Way = tuple[Action, ...]
+
 
 class NotInPictureError(Exception):
     """The plan for an ask depends on facts that the picture does not show."""
@@ -83,12 +90,6 @@ def one_unit(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
     """Yield one unit of all slots, if there are any."""
     if every := tuple(slots):
         yield CommandUnit(every)
-
-
-Moves = Mapping[str, str]
-"""Destinations by agent, each the name of a frame."""
-Commands = tuple[tuple[str, str], ...]
-"""Agents with their commands."""
 
 
 def backfill_commands(
@@ -405,9 +406,6 @@ _SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] =
     "refused": _not_in_picture,
     "unreadable": _not_in_picture,
 }
-
-
-Way = tuple[Action, ...]
 
 
 def commands_serving(

@@ -25,6 +25,9 @@ MOST_LOW = 3
 LESS = (0.75, 0.5, 0.25)
 """The shares of these numbers that are tried, in turn, until the prompt is small enough."""
 
+Pick = tuple[str, str]
+"""A name, and the reason why it is selected."""
+
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
     """Return in words why the state of an asset is uncertain; '' if it is certain.
@@ -128,10 +131,6 @@ def _track(picture: Picture, track: Track) -> str:
     if track.stale:
         facts.append(f"last seen {picture.time_s - track.stamp_s:.0f} s ago")
     return f"{track.id}: {', '.join(facts)}"
-
-
-Pick = tuple[str, str]
-"""A name, and the reason why it is selected."""
 
 
 def is_small(world: World) -> bool:
