@@ -114,7 +114,9 @@ async def test_a_damaged_file_makes_the_model_unavailable_in_clear_words(
 async def test_a_process_that_dies_while_it_loads_names_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", "import os; os.abort()"))
+    monkeypatch.setattr(
+        "pa_console.llm.local.worker_process.COMMAND", ("-c", "import os; os.abort()")
+    )
     whole = write_tiny(tmp_path / "whole.gguf")
     error = await error_of(Engine(local_model(whole)))
     assert isinstance(error, EngineDiedError)

@@ -20,8 +20,9 @@ from hypothesis import strategies as st
 from pa_console.llm.backend import ModelUnavailableError
 from pa_console.llm.local import seccomp
 from pa_console.llm.local.confinement import Restriction, clean_environment, try_out
-from pa_console.llm.local.engine import Engine, Worker
+from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.messages import Load, PinnedFile, Ready
+from pa_console.llm.local.worker_process import Worker
 from pa_console.llm.models.catalogue import LocalModel
 from tests.attacks.dangerous_calls import DANGEROUS
 from tests.cli.inside import Call
@@ -190,7 +191,7 @@ worker.main()
 async def test_what_a_process_that_was_taken_over_would_do_is_refused(
     engine: Engine, tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", INJECTED))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", INJECTED))
     mine = tmp_path / "mine"
     mine.write_text("as it was")
     before = mine.stat().st_ctime_ns
@@ -218,7 +219,7 @@ worker.main()
 async def test_a_model_whose_process_is_not_confined_is_ready_and_says_so(
     tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", UNCONFINED))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", UNCONFINED))
     states: list[tuple[str, str]] = []
     engine = Engine(tiny, lambda state, detail: states.append((state, detail)))
     try:
@@ -232,7 +233,7 @@ async def test_a_model_whose_process_is_not_confined_is_ready_and_says_so(
 async def test_no_model_is_loaded_without_the_confinement_that_is_required(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", UNCONFINED))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", UNCONFINED))
     path = tmp_path / "never-parsed.gguf"
     path.write_bytes(b"no model: parsing it would be another error")
     engine = Engine(local_model(path), require_sandbox=True)
@@ -425,7 +426,7 @@ worker.main()
 async def test_the_worker_reads_the_weights_and_neither_its_parent_nor_its_user_s_files(
     tiny: LocalModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", READER))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", READER))
     monkeypatch.setenv("HOME", str(tmp_path))
     worker = await Worker.spawn(loading(tiny), never_ready, lambda _: None)
     try:
@@ -462,7 +463,7 @@ while True:
 async def test_a_process_that_says_more_than_it_was_asked_for_is_ended(
     script: str, tiny: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", script))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", script))
     ended: list[str] = []
     worker = await Worker.spawn(loading(tiny), never_ready, ended.append)
     try:

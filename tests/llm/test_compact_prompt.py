@@ -6,13 +6,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pa_console.language.name_linking import link_names
-from pa_console.llm.roles.prompts import (
-    Prompt,
+from pa_console.llm.roles.compact_prompts import (
     compact_judge_prompt,
     compact_outcome_prompt,
     compact_planner_prompt,
     picture_prefix,
 )
+from pa_console.llm.roles.prompts import Prompt
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.mission import Verification
 from pa_console.schema.plan import Action, Plan

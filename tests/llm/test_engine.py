@@ -438,7 +438,7 @@ for line in sys.stdin:
 async def test_the_engine_says_when_answers_are_slow_because_the_machine_is_busy(
     smallest_model: LocalModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pa_console.llm.local.engine.COMMAND", ("-c", SLOWED))
+    monkeypatch.setattr("pa_console.llm.local.worker_process.COMMAND", ("-c", SLOWED))
     states: list[tuple[str, str]] = []
     engine = Engine(smallest_model, lambda state, detail: states.append((state, detail)))
     try:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.references.scene import Move
-from pa_console.llm.roles.prompts import compact_planner_prompt
+from pa_console.llm.roles.compact_prompts import compact_planner_prompt
 from pa_console.mission.approval import (
     CheckedPlan,
     OrderAsRead,

@@ -3,20 +3,15 @@
 This order lets the model's KV cache be reused. Mission text comes from outside: it is written as a
 JSON string, whose closing quote it cannot forge, and is never in the fixed part.
 
-Adapters are trained on compact prompts: the same facts without instructions or examples, in the
-order world, picture, rules, mission. World and picture can be read ahead while the operator types
-(`ahead`); after Enter, only the retrieved rules and the mission's words remain. In the mission's
-words, assets and places have their own names, whatever words the operator used.
+Adapters are trained on other prompts, without instructions or examples (`compact_prompts.py`).
 """
 
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from pa_console.language.canonical.facts import asset_state, standing
-from pa_console.language.name_linking import link_names
 from pa_console.schema.command import COMMANDS
 from pa_console.schema.events.event import Role
 from pa_console.schema.mission import Mission, Verification
@@ -29,157 +24,10 @@ from pa_console.schema.world import PLAIN_KINDS, World
 FEW_FRAMES = 24
 """The number of frames above which a prompt has only the relevant ones."""
 MOST_PROBLEMS = 24
-
-
-def command_vocabulary(world: World) -> str:
-    """Return the commands of each kind of asset, and the frames of `world` if they are few."""
-    lines = ["Commands"]
-    for verb, spec in COMMANDS.items():
-        kinds = sorted(PLAIN_KINDS[kind] for kind in spec.kinds)
-        users = "all" if len(kinds) == len(PLAIN_KINDS) else ", ".join(kinds)
-        lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {users}")
-    if len(world.frames) <= FEW_FRAMES:
-        lines.append(f"Frames: {', '.join(world.frames)}")
-    return "\n".join(lines)
-
-
-def frames(world: World, digest: Digest) -> list[str]:
-    """Return a line with the relevant frames if `command_vocabulary` does not list them."""
-    if len(world.frames) <= FEW_FRAMES:
-        return []
-    chosen = digest.selection.frames if digest.selection is not None else tuple(world.frames)
-    return [f"Frames: {', '.join(chosen)}"]
-
-
-def picture_facts(digest: Digest) -> str:
-    """Return the digested picture (paper, Step 4) without the free assets."""
-    guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
-    lines = [
-        *line_if_any("Unknown", digest.unknown),
-        *line_if_any("Down", digest.down),
-        *line_if_any("Degraded comms", digest.degraded_comms),
-        *line_if_any("Tracks", digest.tracks),
-        *line_if_any("Low battery", digest.low_battery, ", to return to base"),
-        *line_if_any("Without guard", digest.uncovered, ", needs one Free asset"),
-        f"Guards: {guards}",
-    ]
-    return "\n".join(lines)
-
-
-def low_battery(digest: Digest) -> list[str]:
-    """Return a line with the assets low on battery, if any."""
-    return line_if_any("Low battery", digest.low_battery)
-
-
-def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
-    """Return one line, or none if `words` is empty."""
-    return [f"{label}: {'; '.join(words)}{due}"] if words else []
-
-
-def free_assets(digest: Digest) -> str:
-    """Return the assets that may leave their place, by kind."""
-    return "Free: " + "; ".join(
-        f"{PLAIN_KINDS[kind]} {_list(_placed(digest, name) for name in names)}"
-        for kind, names in digest.free.items()
-    )
-
-
-def _placed(digest: Digest, name: str) -> str:
-    """Return the asset, with the gate that it covers together with others."""
-    place = digest.posts.get(name, "").rpartition(" at ")[2]
-    return f"{name} (at {place})" if place in digest.covered else name
-
-
 NO_PROBLEM = "no problem, so every rule complies"
-
-
-def plan_facts(world: World, plan: Plan) -> str:
-    """Return the actions of `plan` with each asset's kind; the plan's reason is not evidence."""
-    return (
-        "; ".join(
-            f"{PLAIN_KINDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
-            for action in plan.actions
-        )
-        or "nothing"
-    )
-
-
-def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
-    """Return the results of a rehearsal: what happened to the tracks, then the problems."""
-    timeline = rehearsal.timeline
-    problems: list[str] = []
-    restored: list[str] = []
-    for gate, cover in timeline.gates.items():
-        if not cover.covered_after:
-            problems.append(f"{gate} {'is left' if cover.covered_before else 'stays'} uncovered")
-        elif not cover.covered_before:
-            restored.append(f"; {gate} is covered again")
-        elif cover.longest_gap_s > world.coverage_grace_s:
-            problems.append(f"{gate} is uncovered for {cover.longest_gap_s:.0f} s")
-    for name, fact in timeline.assets.items():
-        if not fact.finished:
-            problems.append(f"{name} does not finish ({fact.detail or 'no reason'})")
-        if fact.left_perimeter:
-            problems.append(f"{name} leaves the perimeter")
-        problems += [f"{name} enters {zone}" for zone in fact.entered_zones]
-    for name, fact in timeline.tracks.items():
-        if fact.least_distance_m is not None and fact.least_distance_m < world.standoff_m:
-            problems.append(f"a ground asset comes within {fact.least_distance_m:.0f} m of {name}")
-    if len(problems) > MOST_PROBLEMS:
-        problems[MOST_PROBLEMS:] = [f"{len(problems) - MOST_PROBLEMS} more"]
-    outcome = f"problem: {'; '.join(problems)}" if problems else NO_PROBLEM + "".join(restored)
-    lines: list[str] = []
-    for name, fact in timeline.tracks.items():
-        steps = {
-            "observed": fact.observed_s,
-            "identified": fact.identified_s,
-            "warned": fact.warned_s,
-            "blocked": fact.blocked_s,
-        }
-        taken = [step for step, at in steps.items() if at is not None]
-        lines.append(f"{name} is {_list(taken) if taken else 'not looked at'}")
-    return "\n".join([f"Tracks then: {'; '.join(lines)}"] * bool(lines) + [f"Rehearsal: {outcome}"])
-
-
-def verification_facts(verification: Verification) -> str:
-    """Return the evidence of telemetry on the executed plan."""
-    lines = [f"Telemetry: {verification.outcome}. {verification.reason}".strip()]
-    lines += [
-        f"{action.agent} {action.command}: {action.outcome}, {action.reason}"
-        for action in verification.actions
-    ]
-    lines.append(f"Gates that lost their cover: {_list(verification.gates_lost)}")
-    lines += line_if_any("Gates whose cover is unknown", verification.gates_unknown)
-    return "\n".join(lines)
-
-
-def _list(words: Iterable[str]) -> str:
-    return ", ".join(words) or "none"
-
-
-@dataclass(frozen=True)
-class Prompt:
-    """The prompt of one role: `system` does not change during a session, `user` does."""
-
-    system: str
-    user: str
-
-    @property
-    def tokens(self) -> int:
-        """An estimate of the number of tokens.
-
-        It is high enough even for names made of words and digits, such as `Drone_T01`.
-
-        It was compared with the tokenizers of the models that are trained for the console.
-        """
-        pieces = sum(1 for _ in _PIECE.finditer((self.system + self.user).encode()))
-        return math.ceil(pieces * _PIECES_TO_TOKENS)
-
-
 _PIECE = re.compile(rb"[A-Z]?[a-z]{1,5}|[^ a-z]")
 """A short word or a part of one, a digit, or a mark."""
 _PIECES_TO_TOKENS = 1.1
-
 
 PLANNER = """\
 You command the assets of a checkpoint. Answer a mission with a plan: one JSON object, a short
@@ -300,6 +148,150 @@ Answer with one JSON object: no rules, feedback in one sentence, then the verdic
 mission was served and every gate stayed covered, else Failure.
 """
 
+SYSTEM = "You are the decision engine of a checkpoint's edge command center."
+
+
+def command_vocabulary(world: World) -> str:
+    """Return the commands of each kind of asset, and the frames of `world` if they are few."""
+    lines = ["Commands"]
+    for verb, spec in COMMANDS.items():
+        kinds = sorted(PLAIN_KINDS[kind] for kind in spec.kinds)
+        users = "all" if len(kinds) == len(PLAIN_KINDS) else ", ".join(kinds)
+        lines.append(f"{verb}{' FRAME' if spec.takes_frame else ''}: {users}")
+    if len(world.frames) <= FEW_FRAMES:
+        lines.append(f"Frames: {', '.join(world.frames)}")
+    return "\n".join(lines)
+
+
+def frames(world: World, digest: Digest) -> list[str]:
+    """Return a line with the relevant frames if `command_vocabulary` does not list them."""
+    if len(world.frames) <= FEW_FRAMES:
+        return []
+    chosen = digest.selection.frames if digest.selection is not None else tuple(world.frames)
+    return [f"Frames: {', '.join(chosen)}"]
+
+
+def picture_facts(digest: Digest) -> str:
+    """Return the digested picture (paper, Step 4) without the free assets."""
+    guards = "; ".join(f"{name} at {gate}" for gate, name in digest.sole_cover.items()) or "none"
+    lines = [
+        *line_if_any("Unknown", digest.unknown),
+        *line_if_any("Down", digest.down),
+        *line_if_any("Degraded comms", digest.degraded_comms),
+        *line_if_any("Tracks", digest.tracks),
+        *line_if_any("Low battery", digest.low_battery, ", to return to base"),
+        *line_if_any("Without guard", digest.uncovered, ", needs one Free asset"),
+        f"Guards: {guards}",
+    ]
+    return "\n".join(lines)
+
+
+def low_battery(digest: Digest) -> list[str]:
+    """Return a line with the assets low on battery, if any."""
+    return line_if_any("Low battery", digest.low_battery)
+
+
+def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
+    """Return one line, or none if `words` is empty."""
+    return [f"{label}: {'; '.join(words)}{due}"] if words else []
+
+
+def free_assets(digest: Digest) -> str:
+    """Return the assets that may leave their place, by kind."""
+    return "Free: " + "; ".join(
+        f"{PLAIN_KINDS[kind]} {_list(_placed(digest, name) for name in names)}"
+        for kind, names in digest.free.items()
+    )
+
+
+def _placed(digest: Digest, name: str) -> str:
+    """Return the asset, with the gate that it covers together with others."""
+    place = digest.posts.get(name, "").rpartition(" at ")[2]
+    return f"{name} (at {place})" if place in digest.covered else name
+
+
+def plan_facts(world: World, plan: Plan) -> str:
+    """Return the actions of `plan` with each asset's kind; the plan's reason is not evidence."""
+    return (
+        "; ".join(
+            f"{PLAIN_KINDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
+            for action in plan.actions
+        )
+        or "nothing"
+    )
+
+
+def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
+    """Return the results of a rehearsal: what happened to the tracks, then the problems."""
+    timeline = rehearsal.timeline
+    problems: list[str] = []
+    restored: list[str] = []
+    for gate, cover in timeline.gates.items():
+        if not cover.covered_after:
+            problems.append(f"{gate} {'is left' if cover.covered_before else 'stays'} uncovered")
+        elif not cover.covered_before:
+            restored.append(f"; {gate} is covered again")
+        elif cover.longest_gap_s > world.coverage_grace_s:
+            problems.append(f"{gate} is uncovered for {cover.longest_gap_s:.0f} s")
+    for name, fact in timeline.assets.items():
+        if not fact.finished:
+            problems.append(f"{name} does not finish ({fact.detail or 'no reason'})")
+        if fact.left_perimeter:
+            problems.append(f"{name} leaves the perimeter")
+        problems += [f"{name} enters {zone}" for zone in fact.entered_zones]
+    for name, fact in timeline.tracks.items():
+        if fact.least_distance_m is not None and fact.least_distance_m < world.standoff_m:
+            problems.append(f"a ground asset comes within {fact.least_distance_m:.0f} m of {name}")
+    if len(problems) > MOST_PROBLEMS:
+        problems[MOST_PROBLEMS:] = [f"{len(problems) - MOST_PROBLEMS} more"]
+    outcome = f"problem: {'; '.join(problems)}" if problems else NO_PROBLEM + "".join(restored)
+    lines: list[str] = []
+    for name, fact in timeline.tracks.items():
+        steps = {
+            "observed": fact.observed_s,
+            "identified": fact.identified_s,
+            "warned": fact.warned_s,
+            "blocked": fact.blocked_s,
+        }
+        taken = [step for step, at in steps.items() if at is not None]
+        lines.append(f"{name} is {_list(taken) if taken else 'not looked at'}")
+    return "\n".join([f"Tracks then: {'; '.join(lines)}"] * bool(lines) + [f"Rehearsal: {outcome}"])
+
+
+def verification_facts(verification: Verification) -> str:
+    """Return the evidence of telemetry on the executed plan."""
+    lines = [f"Telemetry: {verification.outcome}. {verification.reason}".strip()]
+    lines += [
+        f"{action.agent} {action.command}: {action.outcome}, {action.reason}"
+        for action in verification.actions
+    ]
+    lines.append(f"Gates that lost their cover: {_list(verification.gates_lost)}")
+    lines += line_if_any("Gates whose cover is unknown", verification.gates_unknown)
+    return "\n".join(lines)
+
+
+def _list(words: Iterable[str]) -> str:
+    return ", ".join(words) or "none"
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """The prompt of one role: `system` does not change during a session, `user` does."""
+
+    system: str
+    user: str
+
+    @property
+    def tokens(self) -> int:
+        """An estimate of the number of tokens.
+
+        It is high enough even for names made of words and digits, such as `Drone_T01`.
+
+        It was compared with the tokenizers of the models that are trained for the console.
+        """
+        pieces = sum(1 for _ in _PIECE.finditer((self.system + self.user).encode()))
+        return math.ceil(pieces * _PIECES_TO_TOKENS)
+
 
 def fixed_part(role: Role, world: World) -> str:
     """Return the beginning of every prompt of `role`; the engine can read it ahead."""
@@ -382,9 +374,6 @@ def mission_line(text: str) -> str:
     return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
 
 
-SYSTEM = "You are the decision engine of a checkpoint's edge command center."
-
-
 def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: Mission) -> Prompt:
     """Return mission command, instruction, state, retrieved context and output format, in order.
 
@@ -413,155 +402,3 @@ def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: M
         '"reason": "<short explanation>"}',
     ]
     return Prompt(SYSTEM, "\n".join(user))
-
-
-TASKS: dict[Role, str] = {
-    "planner": "Plan the mission.",
-    "judge": "Judge the plan.",
-    "outcome": "Judge the outcome.",
-}
-MOST_RULES = 2
-"""The number of quoted rules, those that fit the mission's words best."""
-
-
-def compact_fixed(role: Role, world: World) -> str:
-    """Return the beginning of every compact prompt of `role` in `world`."""
-    lines = [TASKS[role]]
-    if len(world.frames) <= FEW_FRAMES:
-        posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
-        lines.append(f"Gates: {', '.join(world.gates)}")
-        lines.append(f"Places: {', '.join(posts) or 'none'}; base: {world.base}")
-    lines.append(f"Closed: {', '.join(world.zones) or 'none'}")
-    return "\n".join(lines)
-
-
-def compact_picture(world: World, digest: Digest) -> str:
-    """Return the digested picture (paper, Step 4); it ends with a newline.
-
-    Every fact follows the name that it concerns, by place, by asset and by kind, because a small
-    model finds facts after a name far better than before it. Planner and judge get the same text,
-    so either prompt can be read ahead before the mission is known.
-    """
-    lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
-    lines += line_if_any("Unknown", digest.unknown)
-    lines += digest.tracks
-    return "\n".join(lines) + "\n"
-
-
-def picture_prefix(role: Role, world: World, digest: Digest) -> Prompt:
-    """Return the beginning of every prompt of `role` while the picture does not change."""
-    return Prompt(compact_fixed(role, world), compact_picture(world, digest))
-
-
-def typed_prefix(
-    role: Role, world: World, digest: Digest, rules: Sequence[Rule], words: str
-) -> Prompt:
-    """Return the beginning of a prompt of `role` for a mission that begins with `words`.
-
-    `rules` are the rules retrieved for `words`. If the whole mission retrieves the same rules, the
-    model has only the remaining words left to read.
-    """
-    start = picture_prefix(role, world, digest)
-    begun = _mission(world, words).removesuffix('"')
-    return Prompt(start.system, start.user + "\n".join([*_rules_held(rules), begun]))
-
-
-def compact_planner_prompt(  # noqa: PLR0917
-    world: World,
-    digest: Digest,
-    rules: Sequence[Rule],
-    mission: Mission,
-    repair: Sequence[str] = (),
-    previous: str = "",
-) -> Prompt:
-    """Return the planner's prompt; `repair` lists the faults of the `previous` answer."""
-    lines = [*_rules_held(rules), *_order_lines(world, mission)]
-    if repair:
-        lines.append(f"Previous answer: {previous}")
-        lines += [f"Wrong: {' '.join(reason.split())}" for reason in repair]
-    start = picture_prefix("planner", world, digest)
-    return Prompt(start.system, start.user + "\n".join(lines))
-
-
-def compact_judge_prompt(
-    world: World,
-    digest: Digest,
-    rules: Sequence[Rule],
-    mission: Mission,
-    _plan: Plan,
-    _rehearsal: Rehearsal,
-) -> Prompt:
-    """Return the judge's prompt without the plan: a judge that sees a plan reads it into any order.
-
-    The planned actions are added to the answer, after the reading.
-    """
-    start = picture_prefix("judge", world, digest)
-    lines = [*_rules_held(rules), *_order_lines(world, mission)]
-    return Prompt(start.system, start.user + "\n".join(lines))
-
-
-def compact_outcome_prompt(
-    world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
-) -> Prompt:
-    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
-    lines = [
-        _mission(world, mission.text),
-        f"Plan: {plan_facts(world, plan)}",
-        verification_facts(verification),
-    ]
-    start = picture_prefix("outcome", world, digest)
-    return Prompt(start.system, start.user + "\n".join(lines))
-
-
-def _order_lines(world: World, mission: Mission) -> Iterator[str]:
-    """Yield the mission's words, after the previous order's commands if they refer to it."""
-    if mission.follows:
-        yield f"Before: {mission.follows}"
-    yield _mission(world, mission.text)
-
-
-def _mission(world: World, words: str) -> str:
-    return mission_line(link_names(world, words))
-
-
-def _places(digest: Digest) -> Iterator[str]:
-    """Yield the assets at each place: gates first, `alone` for a gate's only cover."""
-    for frame, names in standing(digest).items():
-        words = ", ".join(names) or "nobody"
-        if frame in digest.uncovered:
-            words += ", uncovered"
-        elif frame in digest.sole_cover:
-            words += f", only {digest.sole_cover[frame]} covers" if len(names) > 1 else " alone"
-        yield f"{frame}: {words}"
-
-
-def _contacts(digest: Digest) -> Iterator[str]:
-    """Yield the tracks at each gate, each with its identity as one word."""
-    there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
-    for line in digest.tracks:
-        name, _, facts = line.partition(": ")
-        words = facts.partition(",")[0].split()
-        there.setdefault(words[-1], []).append(f"{name} {words[0]}")
-    for gate, tracks in there.items():
-        yield f"At {gate}: {', '.join(tracks) or 'no track'}"
-
-
-def _assets(world: World, digest: Digest) -> Iterator[str]:
-    """Yield every asset with its state, kind, and place or destination."""
-    for name in (*digest.posts, *digest.down):
-        kind = PLAIN_KINDS[world.assets[name].kind]
-        location = digest.posts.get(name, "").partition(" ")[2]
-        link = ", poor link" if name in digest.degraded_comms else ""
-        yield f"{name}: {asset_state(digest, name)} {kind} {location}".rstrip() + link
-
-
-def _free(digest: Digest) -> Iterator[str]:
-    """Yield the assets that may leave their place, by kind, best first."""
-    for kind, names in digest.free.items():
-        yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
-
-
-def _rules_held(rules: Sequence[Rule]) -> list[str]:
-    """Return the retrieved rules as lines, except critical ones, which the model has learnt."""
-    quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
-    return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]

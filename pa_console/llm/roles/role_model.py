@@ -2,7 +2,7 @@
 
 A model without adapters needs instructions and examples in every prompt. It writes only a reading
 of an order (`clauses`), or the plan itself (`examples`). A model with adapters was trained on short
-prompts and short verdicts (`prompts.py`).
+prompts and short verdicts (`compact_prompts.py`).
 """
 
 from collections.abc import Awaitable, Callable, Sequence
@@ -12,6 +12,14 @@ from typing import Literal, Protocol, TypeVar
 from pa_console.language.clause_grammar import ASKED_ONCE, grounded_asked, grounded_reason
 from pa_console.llm.backend import CANCELLED, Backend
 from pa_console.llm.roles.clause_reader import MAX_TOKENS, reading_prefix, reading_prompt
+from pa_console.llm.roles.compact_prompts import (
+    compact_fixed,
+    compact_judge_prompt,
+    compact_outcome_prompt,
+    compact_planner_prompt,
+    picture_prefix,
+    typed_prefix,
+)
 from pa_console.llm.roles.grammar import (
     compact_judge_grammar,
     compact_opening_grammar,
@@ -21,16 +29,10 @@ from pa_console.llm.roles.judge import Judge
 from pa_console.llm.roles.planner import Planner
 from pa_console.llm.roles.prompts import (
     Prompt,
-    compact_fixed,
-    compact_judge_prompt,
-    compact_outcome_prompt,
-    compact_planner_prompt,
     fixed_part,
     judge_prompt,
     outcome_prompt,
-    picture_prefix,
     planner_prompt,
-    typed_prefix,
 )
 from pa_console.schema.evaluation import Variant
 from pa_console.schema.events.event import Role

@@ -17,7 +17,7 @@ from typing import IO, Self, TypeVar
 from pydantic import ValidationError
 
 from pa_console.llm.backend import ChatFormat, EngineError
-from pa_console.llm.local.engine import LINE_LIMIT
+from pa_console.llm.local.worker_process import LINE_LIMIT
 from pa_console.schema.base import StrictModel
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -3,7 +3,8 @@
 import asyncio
 from collections.abc import Sequence
 
-from pa_console.llm.local.engine import ENVIRONMENT, Engine
+from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.worker_process import ENVIRONMENT
 from pa_console.llm.roles.role_model import PROMPT_FORMATS
 from pa_console.schema.base import StrictModel
 from tests.benchmarks.speed.child import Child, LoadWeights

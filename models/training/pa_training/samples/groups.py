@@ -8,7 +8,10 @@ from typing import NamedTuple
 
 from pa_console.language.canonical.clauses import NOTHING
 from pa_console.language.name_linking import link_names
-from pa_console.llm.roles.prompts import compact_planner_prompt, picture_prefix
+from pa_console.llm.roles.compact_prompts import (
+    compact_planner_prompt,
+    picture_prefix,
+)
 from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.evaluation import MissionCase

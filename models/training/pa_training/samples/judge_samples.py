@@ -10,8 +10,11 @@ import random
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from pa_console.llm.roles.compact_prompts import (
+    compact_judge_prompt,
+    picture_prefix,
+)
 from pa_console.llm.roles.grammar import COMPARED_CHARS, MOST_VIOLATED, PLANNED
-from pa_console.llm.roles.prompts import compact_judge_prompt, picture_prefix
 from pa_console.mission.judge import compare_with_order, judged_rules
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.policy.retriever import Retriever

@@ -8,7 +8,10 @@ from collections.abc import Iterator
 
 from pa_console.language.canonical.reading import read_asked
 from pa_console.language.clause_grammar import asked_now
-from pa_console.llm.roles.prompts import compact_outcome_prompt, compact_picture
+from pa_console.llm.roles.compact_prompts import (
+    compact_outcome_prompt,
+    compact_picture,
+)
 from pa_console.mission.planning.picture_text import digest_picture
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.command import STILL

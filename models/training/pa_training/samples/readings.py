@@ -11,8 +11,12 @@ from pa_console.language.canonical.clauses import NOTHING
 from pa_console.language.canonical.reading import asked_words
 from pa_console.language.name_linking import link_names
 from pa_console.language.references.scene import PastMission
+from pa_console.llm.roles.compact_prompts import (
+    TASKS,
+    compact_planner_prompt,
+    picture_prefix,
+)
 from pa_console.llm.roles.grammar import PLANNED
-from pa_console.llm.roles.prompts import TASKS, compact_planner_prompt, picture_prefix
 from pa_console.mission.context import ordered_by
 from pa_training.orders.meaning import (
     NOTHING_ASKED,
