@@ -214,6 +214,21 @@ class PartialDescription:
         reader.at = start
         return False
 
+    @property
+    def only_idle(self) -> bool:
+        """True if the words only ask for an idle asset, of a team or of any."""
+        idle_traits = [trait for trait in self.traits if trait in (is_idle, works)]
+        team = len(self.traits) - len(idle_traits) <= 1
+        return is_idle in idle_traits and team and self.ranking is None and not self.place
+
+    def fits_one_of(self, rest: Group) -> bool:
+        """Return whether a remaining member of a set has the traits read so far."""
+        return rest.sort == self.sort and any(
+            all(trait(self.scene, name) for trait in self.traits)
+            for name in rest.members
+            if name not in rest.picked
+        )
+
     def _among(self) -> None:
         """Read the group to choose from: *among the drones*."""
         if team := self.scene.members(self.reader.word()):

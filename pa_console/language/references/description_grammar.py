@@ -8,7 +8,6 @@ An unknown word ends a description; it is never skipped.
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import ASSETS
 from pa_console.language.references import reader as words
 from pa_console.language.references.description import (
@@ -30,9 +29,14 @@ from pa_console.language.references.description import (
     is_silent,
     works,
 )
-from pa_console.language.references.reader import Reader, WordToken, asset_at, number_of, place_at
+from pa_console.language.references.reader import Reader, WordToken, number_of, stands_alone
 from pa_console.language.references.scene import ReferenceScene
-from pa_console.language.references.trait_clauses import AssetClauses, GateClauses, sent
+from pa_console.language.references.trait_clauses import (
+    AssetClauses,
+    GateClauses,
+    place_of_owner,
+    sent,
+)
 
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))
 _MOST = 20
@@ -118,7 +122,7 @@ class _DescriptionParser:
             return None
         if not self._definite and partial.ranking is None:
             return None
-        if self._idle_only and (self._number == 0 or self._bare):
+        if partial.only_idle and (self._number == 0 or self._bare):
             return None  # the planner chooses among the free assets
         if self._vague and any(track.gate == partial.place for track in self._scene.visitors()):
             return None
@@ -181,7 +185,7 @@ class _DescriptionParser:
         """
         if not self._demonstrative or self._number != 1 or not self._team:
             return False
-        if not self._stands_alone():
+        if not stands_alone(self._scene, self.reader):
             return False  # the noun belongs to a longer one: *the aircraft carrier*
         about = self._groups.last_mentioned(self._team)
         return bool(about) and self._partial.say(lambda _, name: name in about)
@@ -194,34 +198,13 @@ class _DescriptionParser:
         article, team, _ = before
         return article in ("a", "an", "one", "1") and bool(self._scene.members(team))
 
-    @property
-    def _idle_only(self) -> bool:
-        partial = self._partial
-        idle_traits = [trait for trait in partial.traits if trait in (is_idle, works)]
-        team = len(partial.traits) - len(idle_traits) <= 1
-        return is_idle in idle_traits and team and partial.ranking is None and not partial.place
-
     # ------------------------------------------------------------------ heads
 
     def _possessive(self) -> bool:
         """Read *Drone_T01's gate*, *the same gate as Drone_T01*, *Drone_T01's old gate*."""
-        reader, scene = self.reader, self._scene
-        start = reader.at
-        reader.take("the")
-        old = False
-        if reader.take("same gate as", "same place as", "same post as"):
-            name = asset_at(scene, reader)
-        else:
-            reader.at = start
-            name = asset_at(scene, reader)
-            owns = bool(name) and bool(reader.take("'s"))
-            old = owns and bool(reader.take("old", "former", "previous"))
-            name = name if owns and reader.take("gate", "post", "place") else ""
-        if not name:
-            reader.at = start
+        place = place_of_owner(self._scene, self.reader)
+        if place is None:
             return False
-        before = [move.before for move in scene.moved if move.agent == name and move.before]
-        place = before[-1] if old and before else scene.place_of(name)
         self._partial.sort, self._definite = "gate", True
         return self._partial.say(lambda _, gate: gate == place)
 
@@ -276,21 +259,12 @@ class _DescriptionParser:
         if group is None or reader.word() != "one" or reader.word(-1) in words.DETERMINED:
             return False
         left = [token.word for token in reader.tokens[reader.at :]]
-        if ("the", "other") not in pairwise(left) or not self._stands_alone(1):
+        if ("the", "other") not in pairwise(left) or not stands_alone(self._scene, reader, 1):
             return False
         reader.at += 1
         self._any = self._definite = True
         self._group = group
         return self._partial.say(lambda _, name: name not in group.picked)
-
-    def _stands_alone(self, ahead: int = 0) -> bool:
-        """Return whether the word `ahead` is no noun, but a verb, a stop, a place or the like."""
-        word = self.reader.word(ahead)
-        if not word or not word[0].isalnum() or word in words.BESIDE:
-            return True
-        if any(verb.plain or word.endswith("s") for verb in find_verbs(word)):
-            return True
-        return bool(place_at(self._scene, Reader(self.reader.tokens, self.reader.at + ahead)))
 
     def _noun_phrase(self) -> bool:
         """Read a determiner, adjectives, a noun and its clauses."""
@@ -445,7 +419,12 @@ class _DescriptionParser:
     def _headless(self) -> bool:
         """Read a phrase without a noun: *the other* goes north, *the nearer* of the two robots."""
         partial = self._partial
-        if not self._definite or self._bare or partial.sort == "gate" or not self._stands_alone():
+        if (
+            not self._definite
+            or self._bare
+            or partial.sort == "gate"
+            or not stands_alone(self._scene, self.reader)
+        ):
             return False
         self._nameless = True
         if partial.ranking is not None and self._group is None:
@@ -465,7 +444,7 @@ class _DescriptionParser:
         """
         partial, scene, last = self._partial, self._scene, self._scene.last
         rest = self._groups.rest
-        if rest is not None and self._fits_one_of(rest):
+        if rest is not None and partial.fits_one_of(rest):
             self._group = rest
             partial.say(lambda _, name: name not in rest.picked)
             return
@@ -485,15 +464,6 @@ class _DescriptionParser:
         if self._nameless and len(kinds) == 1:
             partial.say(lambda s, name: s.world.assets[name].kind in kinds)
         partial.say(lambda _, name: name not in out)
-
-    def _fits_one_of(self, rest: Group) -> bool:
-        """Return whether a remaining member of a set has the traits read so far."""
-        partial = self._partial
-        return rest.sort == partial.sort and any(
-            all(trait(self._scene, name) for trait in partial.traits)
-            for name in rest.members
-            if name not in rest.picked
-        )
 
     # ------------------------------------------------------------------ after the noun
 

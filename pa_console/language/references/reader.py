@@ -8,7 +8,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from pa_console.language.lexicon import word_lists
+from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.name_linking import NUMBERS
 from pa_console.language.references.scene import ReferenceScene
 
@@ -178,6 +178,16 @@ def asset_at(scene: ReferenceScene, reader: Reader) -> str:
     if name:
         reader.at += 1
     return name
+
+
+def stands_alone(scene: ReferenceScene, reader: Reader, ahead: int = 0) -> bool:
+    """Return whether the word `ahead` is no noun, but a verb, a stop, a place or the like."""
+    word = reader.word(ahead)
+    if not word or not word[0].isalnum() or word in BESIDE:
+        return True
+    if any(verb.plain or word.endswith("s") for verb in find_verbs(word)):
+        return True
+    return bool(place_at(scene, Reader(reader.tokens, reader.at + ahead)))
 
 
 def number_of(word: str) -> int:

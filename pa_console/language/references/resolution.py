@@ -22,11 +22,11 @@ from pa_console.language.references.conversation import (
     ResolvedOrder,
     ResolvedReference,
     Unclear,
-    retell,
     substituted,
 )
 from pa_console.language.references.description import Description, SentenceGroups, Trait, fitting
 from pa_console.language.references.description_grammar import find_descriptions
+from pa_console.language.references.following_orders import retell
 from pa_console.language.references.reader import Reader, WordToken, asset_at, place_at, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 

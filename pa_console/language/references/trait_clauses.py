@@ -16,12 +16,36 @@ from pa_console.language.references.description import (
     may_leave,
     works,
 )
-from pa_console.language.references.reader import asset_at, number_of, place_at
+from pa_console.language.references.reader import Reader, asset_at, number_of, place_at
+from pa_console.language.references.scene import ReferenceScene
 
 NounTraits = Callable[[], list[Trait]]
 """Reads another noun phrase and returns its traits; empty if there is none."""
 
 _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
+
+
+def place_of_owner(scene: ReferenceScene, reader: Reader) -> str | None:
+    """Read *Drone_T01's gate*, *Drone_T01's old gate*, *the same gate as Drone_T01*.
+
+    Returns the place of the asset; None if the words are no such possessive.
+    """
+    start = reader.at
+    reader.take("the")
+    old = False
+    if reader.take("same gate as", "same place as", "same post as"):
+        name = asset_at(scene, reader)
+    else:
+        reader.at = start
+        name = asset_at(scene, reader)
+        owns = bool(name) and bool(reader.take("'s"))
+        old = owns and bool(reader.take("old", "former", "previous"))
+        name = name if owns and reader.take("gate", "post", "place") else ""
+    if not name:
+        reader.at = start
+        return None
+    before = [move.before for move in scene.moved if move.agent == name and move.before]
+    return before[-1] if old and before else scene.place_of(name)
 
 
 class AssetClauses:
