@@ -7,23 +7,15 @@ premise of the running plan breaks. Each is planned, checked, judged and approve
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 from pa_console.language.canonical.reading import says_plainly
-from pa_console.language.mentions import find_mentions
-from pa_console.language.name_linking import link_names
-from pa_console.language.references.resolution import chosen, names_something
 from pa_console.language.references.scene import Move
 from pa_console.mission.context import Emit, MissionContext, MissionResult, Services, ordered_by
 from pa_console.mission.decide import (
     ApprovedPlan,
     Decide,
     Readings,
-    ask_back,
-    offer_standing,
     rejection,
-    unknown_place,
-    unsettled,
 )
 from pa_console.mission.examine import Examination
 from pa_console.mission.execute import ApprovedStep, Execution
@@ -38,45 +30,38 @@ from pa_console.mission.plan import (
     reexamine,
     take,
 )
+from pa_console.mission.planning.obstacles import unready_assets
 from pa_console.mission.planning.propose import without_planner
 from pa_console.mission.report import PlaceWatch, PlanFacts, ReportFacts, after_action_report
 from pa_console.mission.retrieve import RetrievedRules, retrieve
+from pa_console.mission.running.questions import OrderQuestions
+from pa_console.mission.running.waiting import WaitingPlan, examined_again
 from pa_console.mission.sequences.plan_patrol import plan_patrol
 from pa_console.mission.sequences.plan_steps import Planned, plan_steps
 from pa_console.mission.sequences.step_by_step import StepByStep
-from pa_console.mission.spelling import read_words
 from pa_console.mission.understand import (
     NotUnderstood,
     RefusedMission,
-    StandingOffer,
     Understood,
-    understand,
 )
 from pa_console.mission.verify import OutcomeCase, OutcomeVerdicts, unjudged, verify
-from pa_console.mission.waiting import WaitingPlan, examined_again
 from pa_console.policy.moments import moment
 from pa_console.policy.monitor import Monitor, halts
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import MAX_MISSION_TEXT, Alarm, Mission
+from pa_console.schema.mission import Alarm, Mission
 from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
-from pa_console.schema.world import PLAIN_KINDS
 
-MOST_QUESTIONS = 2
-"""The number of times that the operator may be asked what an order means."""
 MAX_VOIDED = 2
 """The number of plans made void by changes of the situation after which a mission is held."""
 MAX_HALTS = 3
 """The most halts after which a mission is planned again."""
 MAX_TRIES = 2
 """The most plans that are executed for one task if none of them ends it."""
-
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
-
 READY_S = 90.0
 """The longest wait for assets that cannot start yet, seconds; an autopilot takes half a minute."""
-
 WATCH_S = 12.0
 """How long the situation is watched after a plan, seconds."""
 
@@ -105,7 +90,6 @@ class MissionRun:
     def __init__(
         self, services: Services, mission: Mission, emit: Emit, station: StationSide
     ) -> None:
-        self.mission = mission
         self._services, self._station, self._emit = services, station, emit
         self._monitor = Monitor(
             services.rulebook, services.fleet.world, services.sightings, services.pursuits
@@ -118,9 +102,7 @@ class MissionRun:
         self._waiting: WaitingPlan | None = None
         """The plan that was last proposed to the operator."""
         self._understood: Understood | None = None
-        self._answers: dict[str, str] = {}
-        """The operator's answers, by the words of the mission that they explain."""
-        self._questions = 0
+        self._questions = OrderQuestions(self._context, station.decide)
         self._goes_on = asyncio.Event()
         self._goes_on.set()
         self._done = 0
@@ -132,6 +114,11 @@ class MissionRun:
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
+
+    @property
+    def mission(self) -> Mission:
+        """The mission, with its words as read so far."""
+        return self._context.mission
 
     @property
     def subjects(self) -> frozenset[str]:
@@ -172,7 +159,11 @@ class MissionRun:
         outcome: MissionResult | NotUnderstood | None = self._all_done()
         while not isinstance(outcome, MissionResult):
             if outcome is not None or self._understood is None:
-                outcome = await self._understand(outcome)
+                understood = await self._questions.understand(outcome)
+                if isinstance(understood, MissionResult):
+                    outcome = understood
+                else:
+                    outcome = self._begin_as(understood)
             if outcome is None:
                 await self._await_assets()
                 if self._services.variant.workflows:
@@ -189,32 +180,6 @@ class MissionRun:
         count = len(patrol.places) * patrol.laps if patrol is not None else len(read.steps)
         return self._results.conclude() if self._done >= count else None
 
-    async def _understand(self, unclear: NotUnderstood | None) -> MissionResult | None:
-        """Read the mission's words, and ask the operator about unclear ones (step 1).
-
-        Returns None if the mission can be planned. `unclear` is a question that came up when a step
-        of the order was planned; it is asked first.
-        """
-        while True:
-            read = unclear or await understand(self._context, self._answers)
-            unclear, number = None, self._questions
-            match read:
-                case RefusedMission(reason):
-                    return MissionResult("refused", reason)
-                case Understood() as understood:
-                    self._begin_as(understood)
-                    return None
-                case StandingOffer() as offered:
-                    return await offer_standing(self._context, offered, self._station.decide)
-                case NotUnderstood(question) if number == MOST_QUESTIONS:
-                    return MissionResult("held", f"not understood: {question}")
-                case NotUnderstood() as asked:
-                    answer = await ask_back(self._context, asked, number, self._station.decide)
-                    if isinstance(answer, MissionResult):
-                        return answer
-                    self._questions += 1
-                    self._answered(asked, answer)
-
     async def _await_assets(self) -> None:
         """Wait until the assets that an order needs can start, at most READY_S.
 
@@ -222,62 +187,28 @@ class MissionRun:
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + READY_S
-        if self.mission.source != "operator" or not (awaited := self._unready()):
+        if self.mission.source != "operator" or not (awaited := self._unready):
             return
         self._notice(f"waits for {', '.join(f'{n} (not ready: {w})' for n, w in awaited.items())}")
         self.moving = True
         try:
             with self._station.feed.follow() as steps:
                 async for _ in steps:
-                    if not self._unready() or fleet.time_s >= end_s:
+                    if not self._unready or fleet.time_s >= end_s:
                         break
         finally:
             self.moving = False
-        left = ", ".join(self._unready())
+        left = ", ".join(self._unready)
         self._notice(f"goes on without {left}: not ready in {READY_S:.0f} s" if left else "goes on")
 
+    @property
     def _unready(self) -> dict[str, str]:
-        """Return the assets that the order needs and that cannot start yet, with the reasons.
-
-        An order without names needs one asset of each kind that it mentions, or all with *all*.
-        """
+        """The assets that the order needs and that cannot start yet, with the reasons."""
         fleet = self._services.fleet
-        world, picture = fleet.world, fleet.picture()
-        if not (late := picture.not_ready):
-            return {}
-        mentions = find_mentions(world, link_names(world, self.mission.text), picture.tracks)
-        named = {mention.means for mention in mentions if mention.sort == "asset"}
-        every = any(mention.sort == "number" and mention.means == "all" for mention in mentions)
-        kinds = {mention.means for mention in mentions if mention.sort == "kind"} or {*PLAIN_KINDS}
-        needed = {name for name in late if name in named}
-        teams = [] if named else [kinds] if len(kinds) == len(PLAIN_KINDS) else [{k} for k in kinds]
-        for team in teams:
-            able = [n for n in picture.assets if world.assets[n].kind in team]
-            if every or not any(picture.assets[n].available and n not in late for n in able):
-                needed.update(name for name in able if name in late)
-        return {name: why for name, why in late.items() if name in needed}
+        return unready_assets(fleet.world, fleet.picture(), self.mission.text)
 
     def _notice(self, text: str) -> None:
         self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
-
-    def _answered(self, question: NotUnderstood, answer: str) -> None:
-        """Add an answer to the order, for its unclear words or for all of them.
-
-        An answer that names nothing changes nothing, so the question is asked once more.
-        """
-        mission, services = self.mission, self._services
-        scene = services.scene
-        meaning = chosen(scene, answer, question.choices) or read_words(
-            answer, scene.world, services.rulebook
-        )
-        words = {"text": meaning[:MAX_MISSION_TEXT], "typed": answer[:MAX_MISSION_TEXT]}
-        if question.words:
-            if meaning in question.choices or names_something(scene, meaning):
-                self._answers[question.words] = meaning
-            words = {"typed": f"{mission.said} ({answer})"[:MAX_MISSION_TEXT]}
-        else:
-            self._answers.clear()
-        self.mission = self._context.mission = mission.model_copy(update=words)
 
     def _begin_as(self, understood: Understood) -> None:
         """Continue with the mission as it was read."""
@@ -295,7 +226,7 @@ class MissionRun:
                 follows=mission.follows,
             )
         )
-        self.mission = self._context.mission = mission
+        self._context.mission = mission
         self._progress = WorkflowProgress(self._services.rulebook, mission)
         self._facts.mission = mission
         self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
@@ -395,7 +326,7 @@ class MissionRun:
             planned = planned if judged else await judge(context, planned)
             if self.mission.standing and says_plainly(retrieved.task.text, planned.best.asked):
                 planned = replace(planned, by_grammar=True)
-            if (question := self._open_question(planned)) is not None:
+            if (question := self._questions.left_by(planned, self._understood)) is not None:
                 return question
             was_blocked = planned.best.examination.blocked
             self._waiting = waiting = WaitingPlan(context, retrieved.task, planned.best)
@@ -438,14 +369,6 @@ class MissionRun:
             return MissionResult("refused", planned.reason)
         return planned
 
-    def _open_question(self, planned: PlanForDecision) -> NotUnderstood | None:
-        """Return the question that the plan leaves open; None if there is none to ask any more."""
-        if self._questions >= MOST_QUESTIONS:
-            return None
-        question = self._understood.unsettled if self._understood is not None else None
-        world = self._services.fleet.world
-        return unknown_place(planned, world) or unsettled(planned, question)
-
     async def _planned(
         self, retrieved: RetrievedRules, reasons: Sequence[str], previous: str = ""
     ) -> Planned:
@@ -456,7 +379,7 @@ class MissionRun:
         if understood is None or not understood.steps:
             return await plan(self._context, retrieved, reasons, previous)
         left = understood.steps[self._done :]
-        return await plan_steps(self._context, retrieved.task, left, self._answers)
+        return await plan_steps(self._context, retrieved.task, left, self._questions.answers)
 
     def _stopped_short(
         self, stopped: MissionResult, phase: str, halted: Sequence[str]
@@ -533,7 +456,7 @@ class MissionRun:
                 self._emit_workflow(self._progress.join(shown.examination.plan, self._now()))
                 await self._watch_outcome(phase, task)
         finally:
-            self._done += _orders_done(approved.planned, steps.done)
+            self._done += steps.orders_done
             self.moving = False
         return ()
 
@@ -575,9 +498,3 @@ class MissionRun:
         for move in moves:
             self._facts.moved(move, self._services.fleet.time_s)
             self._emit(move)
-
-
-def _orders_done(planned: PlanForDecision, steps: int) -> int:
-    """Return how many steps of an order are done with the first `steps` steps of its plan."""
-    counts = accumulate(len(step.best.examination.plan.steps) for step in planned.steps)
-    return sum(count <= steps for count in counts) if planned.steps else steps

@@ -20,6 +20,8 @@ from pa_console.language.canonical.order import (
     can_do,
     obstacle,
 )
+from pa_console.language.mentions import find_mentions
+from pa_console.language.name_linking import link_names
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.schema.command import COMMANDS, STILL
 from pa_console.schema.telemetry import Picture
@@ -84,6 +86,26 @@ def _nobody(ask: Ask, picture: Picture) -> str:
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
     return "" if not kinds or up.intersection(kinds) else "whoever could do it is down (CAP-10)"
+
+
+def unready_assets(world: World, picture: Picture, text: str) -> dict[str, str]:
+    """Return the assets that an order needs and that cannot start yet, with the reasons.
+
+    An order without names needs one asset of each kind that it mentions, or all with *all*.
+    """
+    if not (late := picture.not_ready):
+        return {}
+    mentions = find_mentions(world, link_names(world, text), picture.tracks)
+    named = {mention.means for mention in mentions if mention.sort == "asset"}
+    every = any(mention.sort == "number" and mention.means == "all" for mention in mentions)
+    kinds = {mention.means for mention in mentions if mention.sort == "kind"} or {*PLAIN_KINDS}
+    needed = {name for name in late if name in named}
+    teams = [] if named else [kinds] if len(kinds) == len(PLAIN_KINDS) else [{k} for k in kinds]
+    for team in teams:
+        able = [n for n in picture.assets if world.assets[n].kind in team]
+        if every or not any(picture.assets[n].available and n not in late for n in able):
+            needed.update(name for name in able if name in late)
+    return {name: why for name, why in late.items() if name in needed}
 
 
 def within_capability(reading: Reading, world: World) -> Reading:

@@ -7,6 +7,7 @@ or that telemetry does not show, are never sent, and an event names them.
 import asyncio
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 from pa_console.mission.context import MissionContext, MissionResult
 from pa_console.mission.decide import ApprovedPlan
@@ -39,6 +40,13 @@ class StepByStep:
     @property
     def _plan(self) -> Plan:
         return self.approved.planned.best.examination.plan
+
+    @property
+    def orders_done(self) -> int:
+        """The number of the order's steps that are done; each may be several steps of the plan."""
+        steps = self.approved.planned.steps
+        counts = accumulate(len(step.best.examination.plan.steps) for step in steps)
+        return sum(count <= self.done for count in counts) if steps else self.done
 
     async def run(self) -> MissionResult | None:
         """Carry out the plan; return None if all steps are verified, otherwise the result."""
