@@ -12,7 +12,15 @@ from typing import NamedTuple
 
 from pa_console.language.canonical.clauses import ASKED, NOTHING, NOWHERE, OTHERS_STAY
 from pa_console.language.canonical.facts import is_free, sole_covers
-from pa_console.language.canonical.order import KIND_FOR, TASK_OF, Ask, Reading, Task, Who
+from pa_console.language.canonical.order import (
+    KIND_FOR,
+    STILL_TASKS,
+    TASK_OF,
+    Ask,
+    Reading,
+    Task,
+    Who,
+)
 from pa_console.language.canonical.reading import read_asked
 from pa_console.language.clock_words import unread_times
 from pa_console.language.exclusions import excluded_names
@@ -190,7 +198,7 @@ def leans(scene: ReferenceScene, text: str) -> bool:
     mentions = find_mentions(scene.world, text, scene.picture.tracks)
     sorts = {mention.sort for mention in mentions}
     tasks = {task for mention in mentions for task in mention.supports}
-    somewhere = sorts & {"place", "track"} or tasks & {"home", "hold", "report"}
+    somewhere = sorts & {"place", "track"} or tasks & (STILL_TASKS | {"home"})
     words = {token.word for token in read_tokens(text)}
     anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
     return not (anyone and somewhere)

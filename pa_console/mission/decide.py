@@ -9,7 +9,7 @@ from itertools import islice
 
 from pa_console.fleets.fleet import PlanCountersignature
 from pa_console.language.canonical.clauses import ASKED, NOWHERE
-from pa_console.language.canonical.order import Task
+from pa_console.language.canonical.order import STILL_TASKS
 from pa_console.language.canonical.reading import distinct, read_asked
 from pa_console.language.mention_check import check_mentions
 from pa_console.language.references.resolution import MOST_CHOICES
@@ -39,7 +39,7 @@ Decide = Callable[[], Awaitable[Decision]]
 MORE_BELOW = 0.5
 """The confidence of planner or judge below which the planner's other readings are requested."""
 
-_STILL: frozenset[Task] = frozenset(("report", "hold", "refused"))
+_STILL = STILL_TASKS | {"refused"}
 """Tasks that move no asset."""
 
 MOMENTS_SHOWN = 5

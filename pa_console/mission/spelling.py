@@ -22,6 +22,7 @@ from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 from spellchecker import SpellChecker
 
+from pa_console.language.canonical.order import STILL_TASKS
 from pa_console.language.clock_words import TIME_UNITS
 from pa_console.language.lexicon import find_verbs
 from pa_console.language.mentions import find_mentions, speaks_of_site
@@ -335,7 +336,7 @@ def _is_code(text: str) -> bool:
 
 def _moves_nobody(text: str) -> bool:
     """Return whether a text without names may be an order that needs none: *freeze*."""
-    return any(verb.means & {"hold", "report"} for verb in find_verbs(text))
+    return any(verb.means & STILL_TASKS for verb in find_verbs(text))
 
 
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:

@@ -19,7 +19,7 @@ from pa_console.fleets.vda5050.messages import (
 from pa_console.fleets.vda5050.vehicle import AUTHORIZATION, CANCEL, ENDED, PAUSE, RESUME, TARGET
 from pa_console.fleets.vda5050.wire import Identity
 from pa_console.schema.base import Point
-from pa_console.schema.command import FINAL_REPLIES, DeviceCommand, ReplyStatus
+from pa_console.schema.command import FINAL_REPLIES, STILL, DeviceCommand, ReplyStatus
 from pa_console.schema.world import World
 
 START = "start"
@@ -38,7 +38,7 @@ class RobotAnswer(NamedTuple):
 
 def is_order(command: DeviceCommand) -> bool:
     """Return whether a command moves a robot, and is therefore sent as an order."""
-    return command.verb not in ("hold", "report")
+    return command.verb not in STILL
 
 
 def actions_at_once(command: DeviceCommand, token: str | None) -> tuple[RobotAction, ...]:

@@ -43,7 +43,7 @@ from pa_console.fleets.vda5050.vehicle import (
     Verify,
 )
 from pa_console.fleets.vda5050.wire import Header, Identity, Numbers, Topic, UnreadableError
-from pa_console.schema.command import COMMANDS, CommandReply, DeviceCommand, Verb
+from pa_console.schema.command import COMMANDS, STILL, CommandReply, DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import AssetKind, World
 
@@ -65,7 +65,7 @@ def factsheet_of(kind: AssetKind, world: World, header: dict[str, Any]) -> Facts
     moves = tuple(
         _offered(verb, "NODE")
         for verb in COMMANDS
-        if verb not in ("hold", "report") and kind in COMMANDS[verb].kinds
+        if verb not in STILL and kind in COMMANDS[verb].kinds
     )
     at_once = tuple(_offered(action, "INSTANT") for action in AT_ONCE)
     return Factsheet(

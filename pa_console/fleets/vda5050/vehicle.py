@@ -24,7 +24,7 @@ from pa_console.fleets.vda5050.messages import (
     RobotAction,
 )
 from pa_console.fleets.vda5050.wire import Header, Identity, in_milliseconds
-from pa_console.schema.command import CommandReply, DeviceCommand, ReplyStatus, Verb
+from pa_console.schema.command import STILL, CommandReply, DeviceCommand, ReplyStatus, Verb
 
 Verify = Callable[[str | None, DeviceCommand], str]
 """A function that returns why a command with this token is refused; "" if it is accepted."""
@@ -329,7 +329,7 @@ class Vehicle:
         known = _TakenAction(
             state,
             carried_by if alone else carried_by.command_id,
-            instant=alone or carried_by.verb in ("hold", "report"),
+            instant=alone or carried_by.verb in STILL,
             command=None if alone else carried_by,
             answered=status in ENDED,
         )

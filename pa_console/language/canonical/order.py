@@ -17,7 +17,7 @@ from pydantic import Field
 
 from pa_console.language.canonical.word_form import WordForm
 from pa_console.schema.base import StrictModel
-from pa_console.schema.command import COMMANDS, Verb
+from pa_console.schema.command import ADDRESSING, COMMANDS, STILL, Verb
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 
@@ -88,8 +88,16 @@ KIND_FOR: Mapping[Task, AssetKind] = {
     task: kind for task, verb in VERB_FOR.items() for kind in COMMANDS[verb].kinds
 }
 """The kind of assets that a task requires."""
-PLACED: frozenset[Task] = frozenset(("go", "look", "identify", "warn", "block", "mass"))
+PLACED: frozenset[Task] = frozenset(
+    ("mass", *(task for verb, task in TASK_OF.items() if COMMANDS[verb].takes_frame))
+)
 """The tasks that need a place."""
+STILL_TASKS: frozenset[Task] = frozenset(TASK_OF[verb] for verb in STILL)
+"""The tasks that move no asset."""
+MOVING_TASKS: frozenset[Task] = frozenset(TASK_OF.values()) - STILL_TASKS
+"""The tasks of single commands that may move an asset."""
+ADDRESSING_TASKS: frozenset[Task] = frozenset(TASK_OF[verb] for verb in ADDRESSING)
+"""The tasks that need a contact to be there."""
 
 
 class Condition(StrictModel):
@@ -240,7 +248,7 @@ def asset_obstacles(name: str, ask: Ask, world: World, picture: Picture) -> Iter
     elif asset is None or not asset.available:
         yield Obstacle("down", name)
     else:
-        stays = ask.task in ("home", "report", "hold") or ask.place == world.base
+        stays = ask.task in STILL_TASKS | {"home"} or ask.place == world.base
         if asset.low_battery and not stays:
             yield Obstacle("low", name)
         if ask.task in VERB_FOR and asset.comms != "ok":

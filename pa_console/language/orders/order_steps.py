@@ -6,9 +6,10 @@ the same text: if it is not, it is asked back about.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from pa_console.language.canonical.order import KIND_FOR, VERB_FOR
 from pa_console.language.lexicon import find_verbs, word_lists
 from pa_console.language.mentions import ASSETS, KINDS
 from pa_console.language.name_linking import link_names
@@ -37,6 +38,12 @@ _OWN_VERBS = frozenset(_WORDS["own_verbs"])
 _CONDITIONAL = frozenset(_WORDS["conditional"])
 _AFTERWARDS = _WORDS["afterwards"]
 _IMPERATIVES = frozenset(_WORDS["imperatives"])
+_KIND_OF: Mapping[str, AssetKind] = {
+    **KIND_FOR,
+    **{VERB_FOR[task]: kind for task, kind in KIND_FOR.items()},
+    "watch": KIND_FOR["look"],
+}
+"""The beginnings of verbs that only one kind of asset carries out, with that kind."""
 
 _CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
 
@@ -457,9 +464,5 @@ class _Cutter:
 
     def _can(self, lead: str, kinds: set[AssetKind]) -> bool:
         """Return whether assets of these kinds can carry out the verb `lead` themselves."""
-        needed: dict[str, AssetKind] = {
-            "look": "uav", "observe": "uav", "watch": "uav", "identify": "robot", "warn": "robot",
-            "block": "ugv",
-        }  # fmt: skip
-        kind = next((kind for verb, kind in needed.items() if lead.startswith(verb)), None)
+        kind = next((kind for verb, kind in _KIND_OF.items() if lead.startswith(verb)), None)
         return kind is None or kind in kinds

@@ -6,7 +6,13 @@ not count, nor do additions that the rules require: takeovers of gates, and a fi
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from pa_console.language.canonical.order import Ask, Reading, Task
+from pa_console.language.canonical.order import (
+    ADDRESSING_TASKS,
+    STILL_TASKS,
+    Ask,
+    Reading,
+    Task,
+)
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import (
     PlanForOrder,
@@ -20,7 +26,7 @@ from pa_console.schema.command import ENCOUNTERS, STILL, Verb
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.schema.world import PLAIN_KINDS, AssetKind
 
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "block", "respond"))
+_MEETS = ADDRESSING_TASKS | {"block", "respond"}
 
 
 def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
@@ -274,7 +280,7 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
 def _unasked(case: PlanForOrder) -> Iterator[str]:
     """Yield in words the parts of the plan that neither the asks nor the rules require."""
     moves, due = case.moves, case.due
-    moving = [ask for ask in due if ask.task not in ("report", "hold")]
+    moving = [ask for ask in due if ask.task not in STILL_TASKS]
     if not moving:
         busy = (a.agent for a in moves.plan.actions if a.verb not in STILL)
         yield from (f"{name} is not to move" for name in busy if not _watches(case, name))

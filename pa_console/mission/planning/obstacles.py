@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from pa_console.language.canonical.order import (
+    ADDRESSING_TASKS,
     ANYBODY,
+    MOVING_TASKS,
     VERB_FOR,
     Ask,
     Obstacle,
@@ -27,12 +29,12 @@ from pa_console.schema.command import COMMANDS, STILL
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
-_LOOKS: frozenset[Task] = frozenset(("look", "identify", "warn", "respond"))
-"""The tasks that begin with a drone's observation (WF-02)."""
-_GOES: frozenset[Task] = frozenset((*_LOOKS, "go", "mass", "home", "block", "cover", "relieve"))
-
-_MEETS: frozenset[Task] = frozenset(("identify", "warn", "respond"))
+_MEETS = ADDRESSING_TASKS | {"respond"}
 """The tasks that need a contact at the place."""
+_LOOKS = _MEETS | {"look"}
+"""The tasks that begin with a drone's observation (WF-02)."""
+_GOES = MOVING_TASKS | {"respond", "mass", "cover", "relieve"}
+"""The tasks for which an asset has to go somewhere."""
 _ONLY_FREE = re.compile(
     r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
     r"|others?|remaining)\b"
