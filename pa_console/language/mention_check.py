@@ -14,7 +14,6 @@ from pa_console.language.canonical.clauses import ASKED, NOTHING, NOWHERE, OTHER
 from pa_console.language.canonical.facts import is_free, sole_covers
 from pa_console.language.canonical.order import (
     KIND_FOR,
-    STILL_TASKS,
     TASK_OF,
     Ask,
     Reading,
@@ -28,8 +27,6 @@ from pa_console.language.lexicon import any_of
 from pa_console.language.mentions import Mention, Sort, find_mentions, without_quotations
 from pa_console.language.name_linking import WORD, link_names
 from pa_console.language.orders.order_steps import unkept_steps
-from pa_console.language.references.conversation import leaning_words
-from pa_console.language.references.reader import CONTACTS, read_tokens
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.schema.command import STILL
 from pa_console.schema.plan import Plan
@@ -51,8 +48,6 @@ _CORRECTS = re.compile(
 )
 """Markers of a correction within an order; *actually, also* goes on with it instead."""
 _NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
-
-_ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
 
 
 def _any_of(name: str) -> re.Pattern[str]:
@@ -115,9 +110,7 @@ class MentionCheck(NamedTuple):
     @property
     def empty(self) -> bool:
         """True if the order names no place, no asset, no track and no task."""
-        return all(
-            checked.mention.sort in ("kind", "number", "numeral") for checked in self.mentions
-        )
+        return all(part.mention.sort in ("kind", "number", "numeral") for part in self.mentions)
 
     @property
     def gaps(self) -> tuple[str, ...]:
@@ -162,9 +155,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
     moves = any(action.verb not in STILL for action in plan.actions)
     result = _OrderResult(world, picture, reading, plan, unmet)
     if result.refused and not moves:
-        return MentionCheck(
-            tuple(AccountedMention(mention, accounted=True) for mention in mentions)
-        )
+        return MentionCheck(tuple(AccountedMention(mention, True) for mention in mentions))
     excluded = excluded_names(world, text)
     dropped = _dropped(excluded, link_names(world, text), mentions)
     listed = (
@@ -180,28 +171,12 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
         UnsupportedPart("asset", n) for a in result.asks for n in a.who.names if n in excluded
     )
     lacking = tuple(dict.fromkeys((*unsupported, *against)))
-    names = follows or any(mention.sort in ("place", "asset", "track") for mention in mentions)
+    names = follows or any(mention.sort in _NAMED for mention in mentions)
     unfounded = result.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
     times = unread_times(world, text) if moves else ()
     steps = unkept_steps(ReferenceScene(world, picture), text) if moves else ()
     gates = (every_gate[0],) if every_gate is not None else ()
     return MentionCheck(tuple(listed), lacking, moves, unfounded, times, steps, gates=gates)
-
-
-def leans(scene: ReferenceScene, text: str) -> bool:
-    """Return whether an order may need the one before it: it lacks somebody, or a place.
-
-    *Home*, *hold* and *report* need no place, *anybody* is somebody, and so is a visitor.
-    """
-    if leaning_words(scene, text):
-        return True
-    mentions = find_mentions(scene.world, text, scene.picture.tracks)
-    sorts = {mention.sort for mention in mentions}
-    tasks = {task for mention in mentions for task in mention.supports}
-    somewhere = sorts & {"place", "track"} or tasks & (STILL_TASKS | {"home"})
-    words = {token.word for token in read_tokens(text)}
-    anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
-    return not (anyone and somewhere)
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
@@ -275,7 +250,7 @@ class _OrderResult:
         return len(gates) == 1 and all(ask.task in ("go", "mass", "look") for ask in self.asks)
 
     def accounts_for(self, mention: Mention) -> bool:
-        """Return whether the mention `mention` of the order has its part here."""
+        """Return whether a mention of the order has its part here."""
         match mention.sort:
             case "place":
                 return mention.means in self._names or mention.means in self._stood
@@ -342,9 +317,7 @@ class _OrderWords:
         self._text = without_quotations(text).lower()
         before = _NAME.findall(follows)
         mentions = [mention for mention in mentions if not mention.quoted]
-        self._names = {
-            mention.means for mention in mentions if mention.sort in ("place", "asset", "track")
-        }
+        self._names = {mention.means for mention in mentions if mention.sort in _NAMED}
         self._names.update(before)
         self._placed = any(mention.sort == "place" for mention in mentions)
         self._kinds = {mention.means for mention in mentions if mention.sort == "kind"}
@@ -423,11 +396,7 @@ class _OrderWords:
         spec = self._world.assets.get(name)
         if spec is None or spec.kind not in self._kinds:
             return False
-        team = [
-            other
-            for other, other_spec in self._world.assets.items()
-            if other_spec.kind == spec.kind
-        ]
+        team = self._of_kind(spec.kind)
         alone, assets = {*sole_covers(self._picture).values()}, self._picture.assets
         free = [other for other in team if other in assets and is_free(assets[other], alone)]
         return team == [name] or free == [name]
@@ -447,17 +416,17 @@ class _OrderWords:
         spec = self._world.assets.get(name)
         if spec is None:
             return False
-        spoken = _name_words(name) & {_singular(word) for word in _NAME.findall(self._text)}
-        if spoken:
-            team = [other for other in self._world.assets if spoken <= _name_words(other)]
+        name_words = _name_words(name) & {_singular(word) for word in _NAME.findall(self._text)}
+        if name_words:
+            team = [other for other in self._world.assets if name_words <= _name_words(other)]
         elif self._has_kind(spec.kind):
-            team = [other for other, each in self._world.assets.items() if each.kind == spec.kind]
+            team = self._of_kind(spec.kind)
         else:
             return False
         place = _at(self._picture, name)
         there = [other for other in team if _at(self._picture, other) == place]
         placed = place in self._names and place != destination and there == [name]
-        return placed or (bool(spoken) and team == [name])
+        return placed or (bool(name_words) and team == [name])
 
     def _team(self, team: Who) -> Iterator[UnsupportedPart]:
         if team.kind is not None and not self._has_kind(team.kind):
@@ -483,8 +452,10 @@ class _OrderWords:
 
     def _teams(self, kind: AssetKind) -> set[str]:
         """Return the words in the names of assets of `kind`."""
-        names = (name for name, spec in self._world.assets.items() if spec.kind == kind)
-        return {word for name in names for word in _name_words(name)}
+        return {word for name in self._of_kind(kind) for word in _name_words(name)}
+
+    def _of_kind(self, kind: AssetKind) -> list[str]:
+        return [name for name, spec in self._world.assets.items() if spec.kind == kind]
 
     def _has_task(self, ask: Ask) -> bool:
         """Return True if a word means the task or none is needed, as in `van at east`."""

@@ -8,13 +8,12 @@ from time import perf_counter
 from pa_console.language.canonical.reading import listed
 from pa_console.language.clock_words import duration_words
 from pa_console.language.demands import contradiction
-from pa_console.language.mention_check import leans
 from pa_console.language.mood import NoOrder, lasting_ban, no_order
 from pa_console.language.orders.order_steps import ReadSteps, read_steps
 from pa_console.language.orders.patrols import Patrol, least_s, read_patrol
 from pa_console.language.orders.standing_orders import asks_nobody, read_standing
 from pa_console.language.orders.timed_orders import read_timed, schedule_words
-from pa_console.language.references.conversation import LEANING, ResolvedOrder, Unclear
+from pa_console.language.references.conversation import LEANING, ResolvedOrder, Unclear, leans
 from pa_console.language.references.resolution import Answers, resolve, with_answers
 from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import MissionContext

@@ -4,12 +4,16 @@
 *there*.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from pa_console.language.lexicon import find_verbs, word_lists
+from pa_console.language.canonical.order import STILL_TASKS
+from pa_console.language.lexicon import any_of, find_verbs, word_lists
+from pa_console.language.mentions import find_mentions
 from pa_console.language.references.reader import (
+    CONTACTS,
     Reader,
     asset_at,
     place_at,
@@ -40,6 +44,8 @@ MOST_CORRECTING = 16
 """Words; a longer correction is an order of its own."""
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 _STILL_LEANING = frozenset(_WORDS["still_leaning"])
+_ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
+_EVERY = re.compile(any_of("mention_check", "every"))
 
 
 @dataclass(frozen=True)
@@ -129,6 +135,22 @@ def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
     if scene.last is None:
         return ()
     return tuple(dict.fromkeys(t.written for t in read_tokens(text) if t.word in _STILL_LEANING))
+
+
+def leans(scene: ReferenceScene, text: str) -> bool:
+    """Return whether an order may need the one before it: it lacks somebody, or a place.
+
+    *Home*, *hold* and *report* need no place, *anybody* is somebody, and so is a visitor.
+    """
+    if leaning_words(scene, text):
+        return True
+    mentions = find_mentions(scene.world, text, scene.picture.tracks)
+    sorts = {mention.sort for mention in mentions}
+    tasks = {task for mention in mentions for task in mention.supports}
+    somewhere = sorts & {"place", "track"} or tasks & (STILL_TASKS | {"home"})
+    words = {token.word for token in read_tokens(text)}
+    anyone = sorts & {"asset", "kind"} or words & _ANYONE or _EVERY.search(text.lower())
+    return not (anyone and somewhere)
 
 
 class Turn:
