@@ -96,7 +96,6 @@ class MentionCheck(NamedTuple):
     """The times that the order names: a plan that moves somebody now keeps none of them."""
     steps: tuple[str, ...] = ()
     """The steps that the order has: a plan that was not made in steps keeps no order of them."""
-
     gates: tuple[str, ...] = ()
     """The words for several gates, if the reading sends assets to only one."""
     leaning: tuple[str, ...] = ()
@@ -158,18 +157,16 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
         return MentionCheck(tuple(AccountedMention(mention, True) for mention in mentions))
     excluded = excluded_names(world, text)
     dropped = _dropped(excluded, link_names(world, text), mentions)
+    needless = dropped.union(mention for mention in mentions if not mention.requested)
     listed = (
-        AccountedMention(
-            mention, not mention.requested or mention in dropped or result.accounts_for(mention)
-        )
+        AccountedMention(mention, mention in needless or result.accounts_for(mention))
         for mention in mentions
     )
     words = _OrderWords(world, picture, text, mentions, follows)
     unsupported = words.lacking(result) if reading else ()
     every_gate = _EVERY_GATE.search(text.lower()) if reading and result.goes_to_one_gate else None
-    against = (
-        UnsupportedPart("asset", n) for a in result.asks for n in a.who.names if n in excluded
-    )
+    named = (name for ask in result.asks for name in ask.who.names)
+    against = (UnsupportedPart("asset", name) for name in named if name in excluded)
     lacking = tuple(dict.fromkeys((*unsupported, *against)))
     names = follows or any(mention.sort in _NAMED for mention in mentions)
     unfounded = result.is_unfounded(lacking) and not names and not _GATES.search(text.lower())
