@@ -21,11 +21,11 @@ from pa_console.schema.command import (
 )
 from pa_console.schema.telemetry import Task
 from pa_console.sim import radio
-from pa_console.sim.evidence import identity_of
 from pa_console.sim.motion import unstick, way_left
 from pa_console.sim.scene import AssetState, Scene, rouse
+from pa_console.sim.sensing.evidence import identity_of
+from pa_console.sim.sensing.tracker import name_of
 from pa_console.sim.sensing_state import ContactFinding, ContactState
-from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
 PROGRESS_S = 5.0

@@ -15,9 +15,8 @@ from pa_console.schema.command import ADDRESSING, COMMANDS, DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
-from pa_console.sim import sensors, telemetry, tracker
+from pa_console.sim import telemetry
 from pa_console.sim.contacts import way_in
-from pa_console.sim.evidence import weight_of
 from pa_console.sim.scene import (
     AssetState,
     Heard,
@@ -27,6 +26,8 @@ from pa_console.sim.scene import (
     StationState,
     settle_battery,
 )
+from pa_console.sim.sensing import sensors, tracker
+from pa_console.sim.sensing.evidence import weight_of
 from pa_console.sim.sensing_state import ContactState, Sighting, Statement, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 

@@ -34,9 +34,9 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import Task
 from pa_console.schema.world import Wall
 from pa_console.sim import contacts, devices, radio
-from pa_console.sim.evidence import identity_of
 from pa_console.sim.physics import gap
 from pa_console.sim.scene import AssetState, Drift, Scene, ScriptState, rouse
+from pa_console.sim.sensing.evidence import identity_of
 from pa_console.sim.sensing_state import Phantom
 from pa_console.sim.worlds.terrain import Terrain
 

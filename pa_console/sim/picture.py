@@ -18,8 +18,9 @@ from pa_console.schema.telemetry import (
     Weather,
 )
 from pa_console.schema.world import World
-from pa_console.sim import integrity, radio, telemetry, tracker
+from pa_console.sim import radio, telemetry
 from pa_console.sim.scene import Heard, Report, Scene, SelfReport, StationState
+from pa_console.sim.sensing import integrity, tracker
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25

@@ -8,9 +8,10 @@ from pa_console.schema.telemetry import (
     AssetTelemetry,
     CameraReport,
 )
-from pa_console.sim import radio, sensors, tracker
+from pa_console.sim import radio
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.scene import AssetState, Report, Scene, SelfReport, settle_battery
+from pa_console.sim.sensing import sensors, tracker
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 

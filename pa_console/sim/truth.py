@@ -18,12 +18,12 @@ from pa_console.schema.telemetry import (
     TrackStatus,
 )
 from pa_console.sim import radio
-from pa_console.sim.evidence import intent_of
 from pa_console.sim.scene import AssetState, Scene
+from pa_console.sim.sensing.evidence import intent_of
+from pa_console.sim.sensing.sensors import WEATHER
+from pa_console.sim.sensing.tracker import known_track
 from pa_console.sim.sensing_state import ContactKind, ContactState
-from pa_console.sim.sensors import WEATHER
 from pa_console.sim.telemetry import cameras_known, report_of, rounded, where
-from pa_console.sim.tracker import known_track
 from pa_console.sim.worlds.terrain import Terrain
 
 

@@ -22,7 +22,7 @@ from pa_console.schema.mission import (
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.station.alarms import MOST_ALIKE, AlarmBook
+from pa_console.station.alarms.alarm_book import MOST_ALIKE, AlarmBook
 from pa_console.station.mission_queue import MissionQueue
 
 LEAST_LETTERS = 3

@@ -38,7 +38,8 @@ from pa_console.schema.events.event import Role
 from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest, Picture
-from pa_console.session.mission_trace import MissionTrace, apply_to_mission
+from pa_console.session.mission_fold import apply_to_mission
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.station.intake import ReadText
 from pa_console.views.waiting import reading_line
 

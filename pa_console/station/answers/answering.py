@@ -14,7 +14,8 @@ from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.text import clock_text
 from pa_console.session.mission_trace import Attempt, MissionTrace
-from pa_console.session.state import Notice, SessionState
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import Notice
 from pa_console.session.wording import order_in_words
 from pa_console.station.answers.alternatives import Alternative, find_alternatives
 from pa_console.station.answers.why import (

@@ -10,7 +10,7 @@ from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.past_sessions import fold_decisions, is_held, newest_logs
 from pa_console.session.state import SessionState
-from pa_console.station.earlier_session import LOOKED_AT
+from pa_console.station.earlier.unclosed_session import LOOKED_AT
 
 ENDED = "the session has ended"
 """The reason for the end of a standing order that was in force until its session ended."""

@@ -22,7 +22,7 @@ from pa_console.schema.telemetry import AssetTelemetry, Weather
 from pa_console.schema.world import World
 from pa_console.sim import radio
 from pa_console.sim.scene import Heard, PositionTrust, Report, Scene
-from pa_console.sim.sensors import WEATHER
+from pa_console.sim.sensing.sensors import WEATHER
 from pa_console.sim.worlds.terrain import Terrain
 
 SPEED_MARGIN = 1.5

@@ -29,7 +29,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.past_sessions import is_held, newest_logs, summarise
 from pa_console.session.state import SessionState, begun_missions, waiting_entries
 from pa_console.session.wording import order_in_words
-from pa_console.station.alarms import AlarmBook
+from pa_console.station.alarms.alarm_book import AlarmBook
 
 OTHERWISE = "its world did not come out again as the log tells of it"
 LOOKED_AT = 30

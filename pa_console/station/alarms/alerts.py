@@ -17,7 +17,7 @@ from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events import event as ev
 from pa_console.schema.text import visible_line
 from pa_console.session.state import SessionState
-from pa_console.station.waits import Wait, is_answered, what_waits
+from pa_console.station.alarms.waits import Wait, is_answered, what_waits
 
 AGAIN_S = 600.0
 """The time for which an alarm that clears and returns is not sent again, in seconds."""

@@ -47,9 +47,9 @@ from pa_console.station.answers.alternatives import (
 )
 from pa_console.station.answers.answering import answer
 from pa_console.station.assembly import has_rules_of
-from pa_console.station.earlier_session import LeftMissions
+from pa_console.station.earlier.unclosed_session import LeftMissions
 from pa_console.station.intake import read_text
-from pa_console.station.shared_log import LOOK_S, SharedLog
+from pa_console.station.joined.shared_log import LOOK_S, SharedLog
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
 """The topics whose answers come from new checks and rehearsals, not from the record."""

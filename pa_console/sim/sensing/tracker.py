@@ -15,15 +15,15 @@ import math
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Track, TrackStatus
-from pa_console.sim import evidence
-from pa_console.sim.evidence import (
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing import evidence
+from pa_console.sim.sensing.evidence import (
     disputed_claims,
     hostile_by,
     identity_of,
     intent_of,
     suspects_noncombatants,
 )
-from pa_console.sim.scene import Scene
 from pa_console.sim.sensing_state import Detection, Sighting, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 

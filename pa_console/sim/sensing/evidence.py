@@ -15,8 +15,8 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Identity, IdentityClaim, Intent
 from pa_console.schema.world import Sensing, World
 from pa_console.sim.scene import Scene
+from pa_console.sim.sensing.sensors import CLOSE_STANDOFFS
 from pa_console.sim.sensing_state import Detection, Statement, TrackFile
-from pa_console.sim.sensors import CLOSE_STANDOFFS
 from pa_console.sim.worlds.terrain import Terrain
 
 ROBOT_WEIGHT, OTHER_WEIGHT = 2, 1
