@@ -140,7 +140,7 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
     A reader that reports no confidence, or whose accuracy was not measured, decides nothing. The
     judge needs no confidence if its reading leaves fewer gaps.
     """
-    known = bool(own.evidence.told) and bool(reading.evidence.told)
+    known = bool(own.evidence.chances) and bool(reading.evidence.chances)
     if reading.reader != "judge":
         return known
     return variant.second_reading and (known or reading.evidence.gaps < own.evidence.gaps)

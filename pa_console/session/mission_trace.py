@@ -198,18 +198,18 @@ class MissionTrace:
 
     def attempt(self, number: int) -> Attempt:
         """Return attempt `number`, from 1; it is added if it is new."""
-        found = self.find(number)
-        if found is None:
-            found = Attempt(
+        attempt = self.find(number)
+        if attempt is None:
+            attempt = Attempt(
                 number, round=self.round, phase=self.phase, step=self.step, digest=self.digest
             )
-            self.attempts.append(found)
-        return found
+            self.attempts.append(attempt)
+        return attempt
 
     def find_verified(self, number: int | None) -> VerifiedPlan | None:
         """Return the verification of attempt `number`, or the last one for None."""
-        found = (v for v in reversed(self.verified) if number is None or v.attempt == number)
-        return next(found, None)
+        matches = (v for v in reversed(self.verified) if number is None or v.attempt == number)
+        return next(matches, None)
 
     def next_round(self) -> None:
         """Assign later attempts to the next plan."""
@@ -232,8 +232,8 @@ class MissionTrace:
     @property
     def asked_choices(self) -> tuple[str, ...]:
         """The choices of the question with which the mission ended; empty without one."""
-        asked = self.approval_state == "not_understood" and self.questions
-        return self.questions[-1].choices if asked else ()
+        was_asked = self.approval_state == "not_understood" and self.questions
+        return self.questions[-1].choices if was_asked else ()
 
     @property
     def still(self) -> ev.CameraStill | None:
@@ -322,5 +322,5 @@ def chosen_attempt(trace: MissionTrace, now: Round) -> Attempt | None:
     else:
         taken = (d.attempt for d in reversed(now.decisions) if d.accepted and d.decision.settles)
         number = next(taken, None)
-    found = next((attempt for attempt in now.attempts if attempt.number == number), None)
-    return found or (now.attempts[-1] if now.attempts else None)
+    chosen = next((attempt for attempt in now.attempts if attempt.number == number), None)
+    return chosen or (now.attempts[-1] if now.attempts else None)

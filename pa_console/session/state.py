@@ -115,13 +115,13 @@ class SessionState:
 
     def is_worse(self, alarm: Alarm) -> bool:
         """Return True if `alarm` is new, or has a higher priority than before."""
-        known = self.open_alarms.get(alarm.id)
-        return known is None or _rank(alarm) < _rank(known.alarm)
+        before = self.open_alarms.get(alarm.id)
+        return before is None or _rank(alarm) < _rank(before.alarm)
 
     def is_news(self, alarm: Alarm) -> bool:
         """Return True if `alarm` is new, or has a higher priority or another kind than before."""
-        known = self.open_alarms.get(alarm.id)
-        return self.is_worse(alarm) or (known is not None and known.alarm.kind != alarm.kind)
+        before = self.open_alarms.get(alarm.id)
+        return self.is_worse(alarm) or (before is not None and before.alarm.kind != alarm.kind)
 
     def apply(self, event: ev.Event) -> None:
         """Apply one event; an event of an unknown mission changes no mission."""
@@ -171,8 +171,8 @@ class SessionState:
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.QuestionAnswered(question=question):
-                asked = f"asked “{question}”; its trace has the answer"
-                text = asked if event.mission else answer_in_words(event.data)
+                pointer = f"asked “{question}”; its trace has the answer"
+                text = pointer if event.mission else answer_in_words(event.data)
                 self._notice(event, "info", event.mission or "question", text)
             case ev.CameraStill(track=track, camera=camera, problem=problem):
                 before = self.stills.pop(track, None)
@@ -218,8 +218,8 @@ class SessionState:
     def _apply_to_alarms(self, event: ev.Event) -> None:
         match event.data:
             case ev.AlarmRaised(alarm=alarm):
-                known, worse = self.open_alarms.get(alarm.id), self.is_worse(alarm)
-                by = "" if known is None or worse else known.acknowledged_by
+                before, worse = self.open_alarms.get(alarm.id), self.is_worse(alarm)
+                by = "" if before is None or worse else before.acknowledged_by
                 self.open_alarms[alarm.id] = OpenAlarm(alarm, by)
                 if worse:
                     level = _LEVELS.get(alarm.priority, "info")
@@ -264,15 +264,15 @@ class SessionState:
                 text = f"not sent: {'; '.join(orders)}: {reason}"
                 self._notice(event, "alarm", event.mission or "", text)
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
-                if said := deviations_in_words(decision):
-                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+                if words := deviations_in_words(decision):
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {words}")
                 if decision.standing_order:
-                    said = f"approved by standing order {decision.standing_order}, unasked"
-                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+                    words = f"approved by standing order {decision.standing_order}, unasked"
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {words}")
             case ev.OutcomeJudged(verdict=verdict, error=error):
                 if verdict is None or verdict.verdict == "Failure":
-                    said = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
-                    text = f"the judge on the outcome: {said}"
+                    words = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
+                    text = f"the judge on the outcome: {words}"
                     self._notice(event, "warning", event.mission or "", text)
             case ev.MissionFinished(status=status, reason=reason):
                 self._leave(event)
@@ -280,34 +280,34 @@ class SessionState:
                 level = "info" if status == "verified" else "warning"
                 trace = self.missions.get(event.mission or "")
                 settled = trace is not None and trace.standing is not None and level == "info"
-                told = reason if settled else f"{status}: {reason}"
-                self._notice(event, level, event.mission or "", told)
+                summary = reason if settled else f"{status}: {reason}"
+                self._notice(event, level, event.mission or "", summary)
             case _:
                 pass
 
     def _apply_to_standing(self, event: ev.Event) -> None:
-        known = self.standing
+        orders = self.standing
         match event.data:
             case ev.StandingOrderApproved(order=order, by=by):
-                known[order.id] = StandingTrace(order, by, event.tick)
+                orders[order.id] = StandingTrace(order, by, event.tick)
                 text = f"in force, approved by {by}: {order.text}"
                 self._notice(event, "warning", order.id, text)
-            case ev.StandingOrderStarted(order_id=name, subject=subject) if name in known:
-                trace = known[name]
+            case ev.StandingOrderStarted(order_id=name, subject=subject) if name in orders:
+                trace = orders[name]
                 trace.starts.append(StartTrace(event.tick, subject, event.mission or ""))
                 del trace.starts[:-MOST_STARTS_KEPT]
                 trace.started += 1
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
-                if name in known:
-                    known[name].withheld = event.data
-                what = f"nothing is started{f' for {subject}' if subject else ''}"
-                self._notice(event, "warning", name, f"{what}: {reason}")
-            case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in known:
+                if name in orders:
+                    orders[name].withheld = event.data
+                text = f"nothing is started{f' for {subject}' if subject else ''}"
+                self._notice(event, "warning", name, f"{text}: {reason}")
+            case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in orders:
                 revoked = f"revoked by {by}{f': {reason}' if reason else ''}"
-                known[name].ended = reason if by == BY_CLOCK else revoked
-                self._notice(event, "warning", name, known[name].ended)
-            case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in known:
-                known[name].next = event.data
+                orders[name].ended = reason if by == BY_CLOCK else revoked
+                self._notice(event, "warning", name, orders[name].ended)
+            case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in orders:
+                orders[name].next = event.data
                 if change:
                     self._notice(event, "warning", name, f"{change} by {by}")
             case ev.AgentMuted(agent=agent, muted=True, by=by):
@@ -317,7 +317,7 @@ class SessionState:
                 self.muted_agents -= {agent}
                 self._notice(event, "warning", agent, f"may propose again, by {by}")
             case ev.SessionEnded():
-                for trace in known.values():
+                for trace in orders.values():
                     trace.ended = trace.ended or "the session has ended"
             case _:
                 pass
@@ -392,11 +392,11 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
 
 def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
     """Return the queue's entries for missions that have not begun, the next one first."""
-    known = state.missions
+    missions = state.missions
     return tuple(
         entry
         for entry in state.queue
-        if (trace := known.get(entry.mission.id)) is None
+        if (trace := missions.get(entry.mission.id)) is None
         or not (_begun(state, trace) or trace.status is not None)
     )
 

@@ -164,12 +164,12 @@ class TakTrace:
         return [("info" if now.state == "connected" else "warning", now.detail)]
 
     def _reported(self, contact: ev.ReportedContact) -> list[tuple[ev.Level, str]]:
-        known = contact.uid in self.contacts
-        if not known and len(self.contacts) >= ev.MOST_CONTACTS:
+        is_known = contact.uid in self.contacts
+        if not is_known and len(self.contacts) >= ev.MOST_CONTACTS:
             return []
         self.contacts[contact.uid] = contact
         text = f"reported, not seen by our sensors: {contact_in_words(contact)}"
-        return [] if known else [("info", text)]
+        return [] if is_known else [("info", text)]
 
 
 def _is_done(sent: CommandTrace) -> bool:

@@ -63,8 +63,8 @@ def pick_lane(terrain: Terrain, scene: Scene, gate: str) -> str:
     """Return a lane to `gate`, drawn if there are several; raises ValueError if there is none."""
     lanes = terrain.lanes_to(gate)
     if not lanes:
-        known = ", ".join(sorted({lane.gate for lane in terrain.world.lanes.values()})) or "none"
-        raise ValueError(f"no lane leads to {gate!r}; gates with a lane: {known}")
+        gates = ", ".join(sorted({lane.gate for lane in terrain.world.lanes.values()})) or "none"
+        raise ValueError(f"no lane leads to {gate!r}; gates with a lane: {gates}")
     return lanes[0] if len(lanes) == 1 else scene.rng.choice(lanes)
 
 
@@ -76,8 +76,8 @@ def turn(scene: Scene, incident: RevealTrack) -> None:
     """
     state = scene.sensing
     if incident.track not in state.named:
-        known = ", ".join(state.named) or "none"
-        raise ValueError(f"there is no contact named {incident.track!r}; known: {known}")
+        names = ", ".join(state.named) or "none"
+        raise ValueError(f"there is no contact named {incident.track!r}; known: {names}")
     contact = state.contacts.get(state.named[incident.track])
     if contact is None:
         return
@@ -129,11 +129,11 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
         return
     ground = _GroundAssets(scene)
     for contact in list(scene.contacts.values()):
-        told = contact.warned_tick is not None
-        if told and contact.when_warned == "stop":
+        warned = contact.warned_tick is not None
+        if warned and contact.when_warned == "stop":
             contact.speed = 0.0
             contact.status = "inside" if _inside(terrain, contact) else "stopped"
-        elif told and contact.when_warned == "leave":
+        elif warned and contact.when_warned == "leave":
             _leave(terrain, scene, contact, dt_s)
         elif contact.on_lane and contact.status != "leaving":
             _approach(terrain, scene, contact, ground, dt_s)

@@ -77,8 +77,8 @@ def accept(
     """
     asset = scene.assets.get(command.agent)
     if asset is None:
-        known = ", ".join(scene.assets)
-        yield _answer(scene, command, "refused", f"there is no asset of this name; known: {known}")
+        names = ", ".join(scene.assets)
+        yield _answer(scene, command, "refused", f"there is no asset of this name; known: {names}")
         return
     known_reply = next((r for r in asset.answered if r.command_id == command.command_id), None)
     under_way = asset.command is not None or bool(asset.route)

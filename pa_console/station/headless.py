@@ -101,11 +101,11 @@ class _Answers:
         self._asked: ev.ApprovalRequested | None = None
         self._given: Decision | None = None
 
-    async def decide(self, asked: ev.ApprovalRequested) -> None:
-        """Pass on the approver's decision on `asked`, unless no plan waits any more."""
-        self._asked = asked
+    async def decide(self, request: ev.ApprovalRequested) -> None:
+        """Pass on the approver's decision on `request`, unless no plan waits any more."""
+        self._asked = request
         if self._station.awaits_decision:
-            self._give(await self._decision(asked))
+            self._give(await self._decision(request))
 
     async def decide_again(self, problem: str) -> None:
         """Decide again, because the last decision was not accepted.
@@ -121,10 +121,10 @@ class _Answers:
             )
         self._give(decision)
 
-    async def _decision(self, asked: ev.ApprovalRequested) -> Decision:
-        said = self._approver(asked)
-        decision = said if isinstance(said, Decision) else await said
-        return decision.model_copy(update={"request_id": asked.request_id})
+    async def _decision(self, request: ev.ApprovalRequested) -> Decision:
+        answer = self._approver(request)
+        decision = answer if isinstance(answer, Decision) else await answer
+        return decision.model_copy(update={"request_id": request.request_id})
 
     def _give(self, decision: Decision) -> None:
         """Pass on a decision, unless the plan has stopped waiting in the meantime."""

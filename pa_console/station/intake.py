@@ -94,7 +94,7 @@ class Intake:
                 case ev.AlarmRaised(alarm=alarm) if not stopped:
                     arrivals.payloads += self._answers([alarm], handled)
                 case ev.AlarmCleared(alarm_id=alarm_id):
-                    arrivals.obsolete += self.queue.take(lambda one: one.alarm == alarm_id)
+                    arrivals.obsolete += self.queue.take(lambda mission: mission.alarm == alarm_id)
                 case _:
                     pass
         alarms = self.alarms.open
@@ -117,11 +117,12 @@ class Intake:
         The open alarms whose ids are in `again` become missions again. Returns the events to emit.
         """
         self.alarms, self._count = alarms, count
-        known = {alarm.id: alarm for alarm in alarms.open}
+        open_alarms = {alarm.id: alarm for alarm in alarms.open}
         self.queue.resume(
-            [e for e in entries if not e.mission.alarm or e.mission.alarm in known], known
+            [e for e in entries if not e.mission.alarm or e.mission.alarm in open_alarms],
+            open_alarms,
         )
-        return self._answers([known[name] for name in again if name in known], ())
+        return self._answers([open_alarms[name] for name in again if name in open_alarms], ())
 
     def submit(
         self,
@@ -241,13 +242,13 @@ class Intake:
             wanted = self._respond and alarm.command and alarm.subject not in handled
             if not wanted or alarm.id in queued:
                 continue
-            same = sensors.get(alarm.id)
-            full = same is not None and alike[same] >= MOST_ALIKE
+            group = sensors.get(alarm.id)
+            full = group is not None and alike[group] >= MOST_ALIKE
             if full or len(queued) >= MOST_FROM_ALARMS:
                 self._postponed.add(alarm.id)
                 continue
             queued.add(alarm.id)
-            alike[same] += 1
+            alike[group] += 1
             made.append(self._mission_for(alarm))
         return made
 

@@ -319,8 +319,8 @@ class ReadAhead:
             services = self._services
             scene = services.scene
             read = read_words(text.rpartition(" ")[0], scene.world, services.rulebook)
-            found = resolve(scene, read, {})
-            read = read if isinstance(found, Unclear) else found.text
+            resolution = resolve(scene, read, {})
+            read = read if isinstance(resolution, Unclear) else resolution.text
             for role in TYPING_ROLES:
                 await self._warm(services.engine, role, read)
             second = services.engine.second_reader

@@ -61,8 +61,8 @@ class Noticer:
         """Return the changes that the operator should see now."""
         now_s = picture.time_s
         news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
-        told = [fact for fact in news if fact.text]
-        return [*_grouped(told), *self._gone(picture)]
+        facts = [fact for fact in news if fact.text]
+        return [*_grouped(facts), *self._gone(picture)]
 
     def _is_news(self, fact: _Fact, now_s: float) -> bool:
         key = (fact.subject, fact.topic)
@@ -85,10 +85,10 @@ class Noticer:
         for name, seen_s in list(self._tracks.items()):
             if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
                 del self._tracks[name]
-                known = [key for key in self._told if key[0] == name]
+                keys = [key for key in self._told if key[0] == name]
                 if self._told.get((name, "presence")) is not None:
                     yield Noticed(level="info", subject=name, text="track is gone")
-                for key in known:
+                for key in keys:
                     del self._told[key]
                     self._since.pop(key, None)
 
@@ -151,14 +151,14 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
 def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
     """Yield a track's presence, identity and behaviour."""
     name = track.id
-    known = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
-    yield _Fact(name, "presence", True, None, "alarm", known)
+    words = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
+    yield _Fact(name, "presence", True, None, "alarm", words)
     seen = "observed by a UAV" if track.observed else ""
     yield _Fact(name, "observed", track.observed, False, "info", seen)
     text = f"identified as {track.identity}" if track.identity != "unknown" else "identity unknown"
     yield _Fact(name, "identity", track.identity, track.identity, "warning", text)
-    said = f"{track.dispute}; have another robot identify it" if track.dispute else ""
-    yield _Fact(name, "dispute", track.dispute, "", "warning", said)
+    dispute = f"{track.dispute}; have another robot identify it" if track.dispute else ""
+    yield _Fact(name, "dispute", track.dispute, "", "warning", dispute)
     hostile = track.intent == "hostile"
     by = f", {' and '.join(track.hostile_by)} say so" if hostile and track.hostile_by else ""
     level: Level = "alarm" if hostile else "info"
@@ -214,11 +214,11 @@ async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) ->
     """
     while True:
         try:
-            told = [report for report in outside.news() if isinstance(report, _ADMITTED)]
+            reports = [report for report in outside.news() if isinstance(report, _ADMITTED)]
         except Exception as error:  # an outside report must not end the session
             text = f"nothing more is taken from outside: {type(error).__name__}: {error}"
             emit(ev.Noticed(level="warning", subject="TAK", text=text))
             return
-        for report in told:
+        for report in reports:
             emit(report)
         await asyncio.sleep(LOOK_S)

@@ -288,15 +288,15 @@ class ControlStation:
         await self._ahead.read_now(text)
 
     async def answer(
-        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
+        self, question: Question, show: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from the record of this session.
 
         Other plans are checked and rehearsed if the question asks for them; each is passed to
-        `found` as soon as it is ready. Nothing is decided, and no asset moves.
+        `show` as soon as it is ready. Nothing is decided, and no asset moves.
         """
         self._live.give_way()
-        given = await answer(self._reload.services, question, self._record.state, found)
+        given = await answer(self._reload.services, question, self._record.state, show)
         if not self._closed:
             self._emit(given.told, given.mission or None)
         return given.told
@@ -331,25 +331,25 @@ class ControlStation:
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.countersign(signed)
 
-    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+    async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
         """Rehearse a plan for another reading of a mission, without deciding anything.
 
         The result is None if the console has no plan for it.
         """
-        return await rehearse_reading(self._reload.services, mission, asked)
+        return await rehearse_reading(self._reload.services, mission, words)
 
     async def foresee(self, text: str) -> str:
         """Return the line on how an order is read and planned now; nothing is logged or decided."""
         return await self._live.line(text)
 
     def other_ways(
-        self, mission: Mission, asked: str, but: Plan
+        self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
         """Rehearse other plans than `but` for the same reading of a mission.
 
         No model is asked, and nothing is decided.
         """
-        return rehearse_other_ways(self._reload.services, mission, asked, but)
+        return rehearse_other_ways(self._reload.services, mission, words, but)
 
     def cancel(self) -> None:
         """Cancel the active mission; assets under way for it go to a safe state.

@@ -68,14 +68,14 @@ def scan(terrain: Terrain, scene: Scene) -> Found:
         return {}
     state.phantoms = tuple(p for p in state.phantoms if scene.tick < p.until_tick)
     found: dict[str, list[Detection]] = {}
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     if state.contacts:
         for hit in _hits(terrain, scene):
-            told.add((hit.sensor, hit.contact.id))
+            reported.add((hit.sensor, hit.contact.id))
             found.setdefault(hit.sensor, []).append(_detection(terrain, scene, hit))
     for sensor, contact_id in state.findings:
         asset = scene.assets[sensor]
-        if (sensor, contact_id) not in told and not asset.down:
+        if (sensor, contact_id) not in reported and not asset.down:
             contact = state.contacts[contact_id]
             found.setdefault(sensor, []).append(_recalled(terrain, scene, sensor, contact))
     for phantom in state.phantoms:

@@ -62,8 +62,8 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
             corner_m=_CORNER_M[kind],
             look_m=min(LOOK_M, platform.speed_mps * LOOK_S) + platform.radius_m,
             apart_m={
-                other: platform.radius_m + theirs.radius_m + HULL_GAP_M
-                for other, theirs in world.platforms.items()
+                other: platform.radius_m + other_platform.radius_m + HULL_GAP_M
+                for other, other_platform in world.platforms.items()
             },
         )
         for kind, platform in world.platforms.items()
@@ -179,14 +179,14 @@ class Terrain:
     def near_walls(self, x: float, y: float) -> tuple[Wall, ...]:
         """Return the walls that an asset at the point may touch within a step (a superset)."""
         cell = (math.floor(x / _CELL_M), math.floor(y / _CELL_M))
-        found = self._near.get(cell)
-        if found is None:
+        walls = self._near.get(cell)
+        if walls is None:
             centre = shapely.Point((cell[0] + 0.5) * _CELL_M, (cell[1] + 0.5) * _CELL_M)
             reach = self.contact_m + _CELL_M + self._thickest_m / 2
             hits: list[int] = self._walls.query(centre, "dwithin", reach).tolist()
-            found = tuple(self.world.walls[index] for index in sorted(hits))
-            self._near[cell] = found
-        return found
+            walls = tuple(self.world.walls[index] for index in sorted(hits))
+            self._near[cell] = walls
+        return walls
 
     def places(self, frame: str, kind: AssetKind) -> tuple[Point, ...]:
         """Return the points at `frame` where assets of `kind` can stand apart, innermost first.

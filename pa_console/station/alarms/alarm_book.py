@@ -104,9 +104,11 @@ class AlarmBook:
 
     def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
         """Record that `by` has seen an open alarm; raises ValueError if it is not open."""
-        known = [alarm.id for alarm in self.open]
-        if alarm_id not in known:
-            raise ValueError(f"no alarm {alarm_id!r} is open; open: {', '.join(known) or 'none'}")
+        open_ids = [alarm.id for alarm in self.open]
+        if alarm_id not in open_ids:
+            raise ValueError(
+                f"no alarm {alarm_id!r} is open; open: {', '.join(open_ids) or 'none'}"
+            )
         self.acknowledged.add(alarm_id)
         return AlarmAcknowledged(alarm_id=alarm_id, by=by)
 
@@ -139,8 +141,8 @@ class AlarmBook:
             if entry is None:
                 if cause.raises:
                     before = self._watched.get(("track", cause.subject))
-                    known = before.sensors if before is not None else ()
-                    sensors = _both(known, cause.sensors)
+                    sensors_before = before.sensors if before is not None else ()
+                    sensors = _both(sensors_before, cause.sensors)
                     self._watched[key] = _WatchedCause(cause, now_s, now_s, sensors=sensors)
                 continue
             entry.sensors = _both(entry.sensors, cause.sensors)
@@ -259,14 +261,14 @@ class AlarmBook:
 
     def _id_of(self, key: Key) -> str:
         """Return the id of the alarm about a subject, the earlier one if it is still recorded."""
-        known = self._ids.pop(key, "")
-        if not known:
+        alarm_id = self._ids.pop(key, "")
+        if not alarm_id:
             self._numbered += 1
-            known = f"A{self._numbered:03d}"
-        self._ids[key] = known
+            alarm_id = f"A{self._numbered:03d}"
+        self._ids[key] = alarm_id
         if len(self._ids) > MOST_IDS:
             del self._ids[next(iter(self._ids))]
-        return known
+        return alarm_id
 
 
 def _settled(entry: _WatchedCause) -> bool:
@@ -279,9 +281,9 @@ def _changed(alarm: Alarm, cause: Cause) -> bool:
     return cause.kind != alarm.kind or worse
 
 
-def _both(some: Sensors, others: Sensors) -> Sensors:
+def _both(first: Sensors, second: Sensors) -> Sensors:
     """Return the union of two groups of sensors, sorted."""
-    return tuple(sorted({*some, *others}))
+    return tuple(sorted({*first, *second}))
 
 
 def _cause_order(cause: Cause) -> tuple[int, float, str, str, str]:

@@ -53,17 +53,17 @@ def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]
     `guards` are the assets last known for certain to cover each gate. If one of them is lost, the
     gate's alarm names it and has the command in response; the asset's own alarm has none.
     """
-    found = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
-    found.extend(_ways(picture, world))
+    result = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
+    result.extend(_ways(picture, world))
     for gate, cover in picture.gates.items():
         if not cover.covered:
-            found.append(_cover(picture, world, gate, cover, guards.get(gate, ())))
+            result.append(_cover(picture, world, gate, cover, guards.get(gate, ())))
     alone = {names[0]: gate for gate, names in guards.items() if len(names) == 1}
     for asset in picture.assets.values():
         gate = alone.get(asset.id)
-        found.extend(_asset(asset, gate, picture.time_s))
-    found.extend(_cameras(picture, world))
-    return found
+        result.extend(_asset(asset, gate, picture.time_s))
+    result.extend(_cameras(picture, world))
+    return result
 
 
 def _track(track: Track) -> Cause | None:
@@ -73,34 +73,34 @@ def _track(track: Track) -> Cause | None:
     """
     if track.status == "leaving":
         return None
-    known = "" if track.identity == "unknown" else f"{track.identity} "
+    identity = "" if track.identity == "unknown" else f"{track.identity} "
     where = TRACK_PLACES[track.status].format(gate=track.gate)
     care = ". Noncombatants are suspected: only observe and report" if track.noncombatants else ""
     disputed = ", identity disputed" if track.dispute else ""
     topic, settle_s = "threat", 0.0
     if track.intent == "hostile":
-        kind, priority, what = "hostile_track", "emergency", f"hostile {track.kind}"
-        what, order = f"A {what} {where}", ". Block it." if track.warned else "."
+        kind, priority, sentence = "hostile_track", "emergency", f"hostile {track.kind}"
+        sentence, order = f"A {sentence} {where}", ". Block it." if track.warned else "."
     elif track.defiant:
         kind, priority = "defiant_track", "emergency"
-        what = f"{_an(known or 'unknown ')}{track.kind} {where} in spite of a warning"
+        sentence = f"{_an(identity or 'unknown ')}{track.kind} {where} in spite of a warning"
         order = ". Observe it and keep the gate covered."
     elif track.identity == "authorized":
         return None
     elif track.identity == "unauthorized":
         topic, kind = "track", "unauthorized_track"
         priority = "medium" if track.intent == "benign" else "high"
-        what, order = f"An unauthorized {track.kind} {where}", ". Warn it to turn back."
+        sentence, order = f"An unauthorized {track.kind} {where}", ". Warn it to turn back."
         if track.warned:
             order = ""
     else:
         topic, kind, settle_s = "track", "unknown_track", 1.0
         priority = "medium" if track.intent == "benign" else "high"
-        what, order = f"An unknown {track.kind} {where}", "."
+        sentence, order = f"An unknown {track.kind} {where}", "."
     return Cause(
         topic, kind, priority, track.id, track.gate,
-        text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m{disputed}",
-        command=f"{what}{care}." if order and care else f"{what}{order}" if order else "",
+        text=f"{track.id}: {sentence[0].lower()}{sentence[1:]}, {track.distance_m:.0f} m{disputed}",
+        command=f"{sentence}{care}." if order and care else f"{sentence}{order}" if order else "",
         distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0, sensors=track.seen_by,
     )  # fmt: skip
 
@@ -117,7 +117,7 @@ def _ways(picture: Picture, world: World) -> Iterator[Cause]:
     }
     shut = bool(blockers) and ways_out_shut(picture, world)
     for track in picture.tracks.values() if blockers else ():
-        what = "emergency vehicle" if track.emergency else f"{track.identity} {track.kind}"
+        contact = "emergency vehicle" if track.emergency else f"{track.identity} {track.kind}"
         person = track.kind == "person" or track.noncombatants
         let_through = track.emergency or track.identity == "authorized"
         if shut and track.status == "inside" and (person or let_through):
@@ -128,7 +128,7 @@ def _ways(picture: Picture, world: World) -> Iterator[Cause]:
             continue
         yield Cause(
             "way", "way_blocked", "high", track.id, track.gate,
-            text=f"{track.id}: {'an' if what[0] in 'aeiou' else 'a'} {what} {where}",
+            text=f"{track.id}: {'an' if contact[0] in 'aeiou' else 'a'} {contact} {where}",
             distance_m=track.distance_m, settle_s=1.0, linger_s=3.0, sensors=track.seen_by,
         )  # fmt: skip
 

@@ -170,8 +170,8 @@ class Alerting:
         ]
 
     def _problems(self) -> list[str]:
-        found, self._problem = self._problem, []
-        return found
+        problems, self._problem = self._problem, []
+        return problems
 
     def __enter__(self) -> Self:
         self._thread.start()

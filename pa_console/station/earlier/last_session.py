@@ -38,8 +38,8 @@ class LastSession:
         """Return the summary line once it is found; later calls return nothing."""
         if self._looking.ident is None:
             self._looking.start()
-        told, self._told = self._told, []
-        return told
+        reports, self._told = self._told, []
+        return reports
 
     def wait(self) -> None:
         """Wait until the search has ended."""

@@ -140,8 +140,8 @@ class JoinedStation:
             for event in events:
                 self._state.apply(event)
                 yield event
-            for told in (*self._news.take(heard=bool(events)), *self._follow_stop()):
-                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+            for notice in (*self._news.take(heard=bool(events)), *self._follow_stop()):
+                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=notice)
             while self._answered:
                 yield self._answered.popleft()
             if self._state.ended:
@@ -204,28 +204,28 @@ class JoinedStation:
 
     def _ask_to_stop(self) -> None:
         log = self._log
-        asked = StopAsked(
+        request = StopAsked(
             **log.header(StopAsked), session=log.stream.session, person=self._signatory.name
         )
-        if not log.publish(asked, round(EXPIRY_S)):
+        if not log.publish(request, round(EXPIRY_S)):
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _follow_stop(self) -> Iterator[ev.Noticed]:
         """Repeat a stop request that is not logged yet; yield a notice if that takes long."""
-        asked, now_s = self._stop_asked, monotonic()
-        if asked is None:
+        request, now_s = self._stop_asked, monotonic()
+        if request is None:
             return
         if self._state.stop is not None:
             self._stop_asked = None
-            if asked.late:
+            if request.late:
                 yield ev.Noticed(level="info", subject="stop", text=f"{self.station} has stopped")
             return
-        if now_s - asked.sent_s >= STOP_AGAIN_S:
-            asked.sent_s = now_s
+        if now_s - request.sent_s >= STOP_AGAIN_S:
+            request.sent_s = now_s
             with suppress(ValueError):  # the connection is reported as broken anyway
                 self._ask_to_stop()
-        if not asked.late and now_s - asked.pressed_s > CONFIRM_S:
-            asked.late = True
+        if not request.late and now_s - request.pressed_s > CONFIRM_S:
+            request.late = True
             text = f"STOP not confirmed by {self.station}: it is asked again and again"
             yield ev.Noticed(level="alarm", subject="stop", text=text)
 
@@ -233,10 +233,10 @@ class JoinedStation:
         """Leave the session, which continues without this console."""
         self._closing = True
 
-    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+    async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
         """Rehearse another reading of a mission here; None if that is not possible."""
         self.fleet.show(self._state.picture)
-        return None if self._unfit() else await rehearse_reading(self, mission, asked)
+        return None if self._unfit() else await rehearse_reading(self, mission, words)
 
     async def examine(self, _plan: Plan, _text: str = "") -> Examination:
         """Raise ValueError: a plan is changed only at the station that decides on it."""
@@ -247,13 +247,13 @@ class JoinedStation:
         return ""
 
     async def other_ways(
-        self, mission: Mission, asked: str, but: Plan
+        self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
         """Rehearse here other plans than `but` for the same reading of a mission."""
         self.fleet.show(self._state.picture)
         if not self._unfit():
-            async for found in rehearse_other_ways(self, mission, asked, but):
-                yield found
+            async for rehearsed in rehearse_other_ways(self, mission, words, but):
+                yield rehearsed
 
     def _unfit(self) -> str:
         """Return why a rehearsal here would differ from one at the station; '' if it would not."""
@@ -275,7 +275,7 @@ class JoinedStation:
         return read_text(text, scene, self._rules).question
 
     async def answer(
-        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
+        self, question: Question, show: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from the received part of the session and the local copy of its site.
 
@@ -285,21 +285,21 @@ class JoinedStation:
         state = self._state
         self.fleet.show(state.picture)
         if question.topic in REHEARSED and (why := self._unfit()):
-            said = f"{why}, so it cannot be rehearsed here; ask it at {self.station}"
+            text = f"{why}, so it cannot be rehearsed here; ask it at {self.station}"
             current = state.current
             mission = current.mission.id if current is not None else ""
-            told = QuestionAnswered(
+            answered = QuestionAnswered(
                 question=question.text,
                 topic=question.topic,
                 subjects=question.subjects,
-                lines=(AnswerLine(about="not here", said=said),),
+                lines=(AnswerLine(about="not here", said=text),),
             )
         else:
-            given = await answer(self, question, state, found)
-            told, mission = given.told, given.mission
+            given = await answer(self, question, state, show)
+            answered, mission = given.told, given.mission
         now, tick = datetime.now(UTC), state.tick
-        self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=told))
-        return told
+        self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=answered))
+        return answered
 
     @property
     def ground(self) -> None:

@@ -72,8 +72,8 @@ class RecordStream:
             vouched = self._trust.records(station, message.signature, self._now())
         except RefusedError as refused:
             raise NotBelievedError(str(refused)) from refused
-        said = message.session, message.first, message.last
-        if (vouched.session, vouched.first, vouched.last) != said:
+        claim = message.session, message.first, message.last
+        if (vouched.session, vouched.first, vouched.last) != claim:
             raise NotBelievedError(f"{station} vouches for other records than these")
         if not self.session:
             self._follow(station, vouched.session)
