@@ -63,6 +63,7 @@ KEPT = 12
 """The number of saved indexes; the most recently used ones are kept."""
 
 _SUFFIX = ".replay-index"
+_CHUNK = 1 << 20
 
 
 class LogIndex:
@@ -332,9 +333,6 @@ class _Builder:
         self._changed = {}
         self._events = self._bytes = 0
         state.missions = index.shelf(self._places.copy())
-
-
-_CHUNK = 1 << 20
 
 
 def identity(file: IO[bytes]) -> list[int]:

@@ -22,6 +22,7 @@ _PICTURES = frozenset((b"telemetry", b"log_signed"))
 
 Ending = Literal["closed", "open", "damaged"]
 """The end of a log: with the end of its session, without it, or at damage."""
+LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 
 
 @dataclass
@@ -218,9 +219,6 @@ def find_session(folder: Path, name: str) -> Path:
         names = ", ".join(sorted(log.stem for log in matches)[:6])
         raise ValueError(f"“{name}” stands for {len(matches)} sessions: {names}")
     raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")
-
-
-LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 
 
 @dataclass(frozen=True)

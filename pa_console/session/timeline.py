@@ -21,6 +21,11 @@ MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
 
 MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 _NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
+KIND_NAMES = tuple(sorted(KINDS))
+_CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
+_TELEMETRY = _CODES["telemetry"]
+_MOST = 2**63 - 1
+_NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
@@ -99,13 +104,6 @@ def _breaks(incident: Incident) -> bool:
             return incident.frame is not None
         case _:
             return incident.kind not in _NO_FAULTS
-
-
-KIND_NAMES = tuple(sorted(KINDS))
-_CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
-_TELEMETRY = _CODES["telemetry"]
-_MOST = 2**63 - 1
-_NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 class RecordingTimeline:

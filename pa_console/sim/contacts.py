@@ -18,6 +18,7 @@ BUMPER_M = 3.0
 """The distance at which a contact that ignores a warning passes ground assets, in metres."""
 _STOPPED_MPS = 0.05
 _ASIDE_DEG = (30, -30, 60, -60, 85, -85)
+Points = npt.NDArray[np.float64]
 
 
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
@@ -94,9 +95,6 @@ def remove(scene: Scene, contact_id: str) -> None:
     del state.contacts[contact_id]
     state.watched = {key: n for key, n in state.watched.items() if key[1] != contact_id}
     state.findings = {key: f for key, f in state.findings.items() if key[1] != contact_id}
-
-
-Points = npt.NDArray[np.float64]
 
 
 class _GroundAssets:

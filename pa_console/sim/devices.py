@@ -32,6 +32,9 @@ PROGRESS_S = 5.0
 _REMEMBERED = 32
 IDENTIFY_S = 4.0
 WARN_S = 3.0
+Admit = Callable[[DeviceCommand], str]
+"""Returns why a device may not carry out a command, or ''; called once per command id."""
+Ending = tuple[Literal["done", "failed"] | None, str]
 
 
 def listen(terrain: Terrain, scene: Scene) -> None:
@@ -61,10 +64,6 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
         owes, asset.cut_off, asset.owes = asset.owes, False, ()
         for reply in owes:
             radio.send_reply(scene, reply, terrain.world.dt_s)
-
-
-Admit = Callable[[DeviceCommand], str]
-"""Returns why a device may not carry out a command, or ''; called once per command id."""
 
 
 def accept(
@@ -300,9 +299,6 @@ def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
     others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
-
-
-Ending = tuple[Literal["done", "failed"] | None, str]
 
 
 def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:

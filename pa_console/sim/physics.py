@@ -30,6 +30,7 @@ _Cell = tuple[int, int]
 CONTACT_MARGIN_M = 0.05
 _SUBSTEP_M = 0.05
 _OVERLAP_LEFT_PER_S = 1e-9
+Velocity = tuple[float, float]
 
 
 class Neighbours(NamedTuple):
@@ -112,9 +113,6 @@ class Traffic:
 
     def _cell(self, asset: AssetState) -> _Cell:
         return math.floor(asset.x / self._cell_m), math.floor(asset.y / self._cell_m)
-
-
-Velocity = tuple[float, float]
 
 
 def move(

@@ -19,6 +19,8 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Task
 from pa_console.schema.world import AssetKind, Radio, Wall, World
 from pa_console.sim.sensing_state import ContactState, Detection, SensingState
 
+_index = attrgetter("index")
+
 
 @dataclass(frozen=True, slots=True)
 class RadioState:
@@ -274,9 +276,6 @@ class AssetState:
         """Stop the asset where it is, and set its `task`."""
         self.route, self.speed, self.task = (), 0.0, task
         self.station, self.held_by = self.position, ""
-
-
-_index = attrgetter("index")
 
 
 @dataclass(slots=True)

@@ -17,6 +17,15 @@ The session continues while it decides.
 """
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
+EXIT_CODES: dict[MissionStatus, int] = {
+    "verified": 0,
+    "unverified": 4,
+    "refused": 3,
+    "rejected": 3,
+    "held": 3,
+    "cancelled": 3,
+    "failed": 1,
+}
 
 
 async def run_missions(  # noqa: PLR0917
@@ -169,17 +178,6 @@ async def _watched(
             await watching
     finally:
         watching.cancel()
-
-
-EXIT_CODES: dict[MissionStatus, int] = {
-    "verified": 0,
-    "unverified": 4,
-    "refused": 3,
-    "rejected": 3,
-    "held": 3,
-    "cancelled": 3,
-    "failed": 1,
-}
 
 
 def exit_code(statuses: Sequence[MissionStatus | None]) -> int:

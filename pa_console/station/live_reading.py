@@ -60,6 +60,8 @@ _MEASURED = re.compile(r"\b\d+ [ms]\b")
 ShowReading = Callable[[str, str], None]
 """A function that shows a text and the line about its reading; two empty texts withdraw the
 line."""
+ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
+TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class _Situation(NamedTuple):
@@ -233,10 +235,6 @@ def _no_verdicts() -> OutcomeVerdicts:
         raise _DraftReadError
 
     return OutcomeVerdicts(start, between_missions=False)
-
-
-ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
-TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class ReadAhead:

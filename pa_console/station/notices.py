@@ -23,6 +23,7 @@ Key = tuple[str, str]
 """A subject and one of its properties."""
 LOOK_S = 0.5
 """The interval between two requests for reports, in seconds of wall time."""
+_ADMITTED = get_args(ev.OutsideReport)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +195,6 @@ def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
         named = ", ".join(fact.subject for fact in others[: MOST_ALIKE - 1])
         text = f"{first.text}; likewise {len(others)} others, among them {named}"
         yield Noticed(level=first.level, subject=first.subject, text=text)
-
-
-_ADMITTED = get_args(ev.OutsideReport)
 
 
 class Outside(Protocol):

@@ -23,6 +23,8 @@ UNANSWERED_S = 60.0
 """The wait in seconds after which an unanswered plan gives way to a mission that needs no
 approval."""
 NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
+EmitFor = Callable[[ev.EventPayload, str | None], None]
+"""A function that emits an event for the mission with the given id, or for none."""
 
 
 class Background:
@@ -51,10 +53,6 @@ class Background:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             self._on_failure(error)
-
-
-EmitFor = Callable[[ev.EventPayload, str | None], None]
-"""A function that emits an event for the mission with the given id, or for none."""
 
 
 @dataclass(frozen=True)

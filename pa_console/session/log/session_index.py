@@ -31,6 +31,7 @@ from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 INDEX_NAME = "sessions.index"
 LOCK_S, LOCK_STEP_S = 5.0, 0.01
 """Seconds to wait for another console that is writing its line, and seconds between attempts."""
+_CHUNK = 1 << 20
 
 
 class IndexLine(SignedLine):
@@ -165,9 +166,6 @@ def _lock(file: int) -> None:
         else:
             return
     raise BlockingIOError("another program holds the index of sessions")
-
-
-_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ EVERY_S = 10.0
 TIMEOUT_S = 5.0
 RETRY_S = 10.0
 URLS = ("http://", "https://")
+Send = Callable[[bytes], None]
 
 
 class SignedHead(SignedLine):
@@ -163,9 +164,6 @@ class HeadKeeper:
         self._sync()
         self._seen(head, False)
         write_head(self._log, head, lasting=False)
-
-
-Send = Callable[[bytes], None]
 
 
 class Witness:

@@ -37,6 +37,8 @@ ADJUSTED = timedelta(seconds=1)
 """
 FIRST_SIGNED = 2
 """The line of a log's first signature; the line before it names the session."""
+Standing = Literal["signed", "open", "not signed"]
+"""Signed to its end; signed, but not closed; without any signature."""
 
 
 @dataclass(frozen=True)
@@ -228,10 +230,6 @@ def _record(line: bytes) -> LogRecord | None:
         return parse(line)
     except ValueError:
         return None
-
-
-Standing = Literal["signed", "open", "not signed"]
-"""Signed to its end; signed, but not closed; without any signature."""
 
 
 @dataclass(frozen=True)

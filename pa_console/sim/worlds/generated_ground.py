@@ -47,6 +47,8 @@ _PLACE_M2 = 11.0
 """The ground that one standing place takes in a frame, in square metres."""
 _CLEAR_M = 9.0
 _TRIES = 400
+MOST_GATES = len(_GATE_WORDS.split())
+MOST_POSTS = len(_POSTS)
 
 
 def outline(rng: random.Random) -> list[Point]:
@@ -93,10 +95,6 @@ def _polygon(rng: random.Random) -> list[Point]:
 
 def _mirrored(points: Sequence[Point]) -> list[Point]:
     return [(-x, y) for x, y in reversed(points)]
-
-
-MOST_GATES = len(_GATE_WORDS.split())
-MOST_POSTS = len(_POSTS)
 
 
 def gates(rng: random.Random, count: int) -> list[str]:

@@ -31,6 +31,8 @@ _SEARCH_STEP_M = 0.25
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0
 _FRAME_CELL_M = 16.0
+Floats = npt.NDArray[np.float64]
+_Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,10 +112,6 @@ class LaneLine:
         part = (at - self._marks[leg]) / (self._marks[leg + 1] - self._marks[leg])
         point = (ax + (bx - ax) * part, ay + (by - ay) * part)
         return point, math.atan2(by - ay, bx - ax)
-
-
-Floats = npt.NDArray[np.float64]
-_Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 class Terrain:

@@ -65,6 +65,8 @@ STOP_AGAIN_S = 0.5
 """The interval at which a stop is requested until the station's log has it, in seconds."""
 
 SUBJECT = "joined"
+OwnStation = Callable[[], StationAuthority]
+"""A function that returns the keys of this machine's station; it may raise ValueError."""
 
 
 @dataclass(frozen=True)
@@ -418,10 +420,6 @@ def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
     pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
     old = frozenset(pictures[:-1])
     return [event for number, event in enumerate(events) if number not in old]
-
-
-OwnStation = Callable[[], StationAuthority]
-"""A function that returns the keys of this machine's station; it may raise ValueError."""
 
 
 class Succession:
