@@ -343,7 +343,7 @@ class Scene:
         driven = sorted(name for name, asset in self.assets.items() if asset.manual)
         if driven or self.station.manual:
             parts = (*parts, driven, sorted(self.station.manual))
-        if plugged_in := sorted(name for name, each in self.assets.items() if each.plugged_in):
+        if plugged_in := sorted(name for name, asset in self.assets.items() if asset.plugged_in):
             parts = (*parts, "plugged in", plugged_in)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 

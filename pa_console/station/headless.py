@@ -107,12 +107,12 @@ class _Answers:
 
     def __init__(self, station: ControlStation, approver: Approver) -> None:
         self._station, self._approver = station, approver
-        self._asked: ev.ApprovalRequested | None = None
+        self._request: ev.ApprovalRequested | None = None
         self._given: Decision | None = None
 
     async def decide(self, request: ev.ApprovalRequested) -> None:
         """Pass on the approver's decision on `request`, unless no plan waits any more."""
-        self._asked = request
+        self._request = request
         if self._station.awaits_decision:
             self._give(await self._decision(request))
 
@@ -121,9 +121,9 @@ class _Answers:
 
         The same decision would be refused forever, so the plan is rejected instead.
         """
-        if self._asked is None or not self._station.awaits_decision:
+        if self._request is None or not self._station.awaits_decision:
             return
-        decision = await self._decision(self._asked)
+        decision = await self._decision(self._request)
         if decision == self._given:
             decision = Decision(
                 kind="reject", request_id=decision.request_id, by=decision.by, reason=problem

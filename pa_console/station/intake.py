@@ -75,7 +75,7 @@ class Intake:
         self.alarms, self.queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
-        self._told: tuple[tuple[str, str, bool], ...] = ()
+        self._emitted: tuple[tuple[str, str, bool], ...] = ()
         self._postponed: set[str] = set()
         """Open alarms that get a mission once there is room."""
 
@@ -223,8 +223,8 @@ class Intake:
         """Yield the queue if its order, a priority or a deferral has changed since last time."""
         entries = self.queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
-        if order != self._told:
-            self._told = order
+        if order != self._emitted:
+            self._emitted = order
             yield ev.QueueChanged(entries=entries)
 
     def _answers(

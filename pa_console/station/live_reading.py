@@ -286,11 +286,11 @@ class ReadAhead:
             case ev.PlanRehearsed(attempt=attempt, rehearsal=rehearsal):
                 self._rehearsals[attempt] = rehearsal
             case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
-                found = self._rehearsals.get(attempt) if decision.kind == "approve" else None
-                tracks = found.timeline.tracks.values() if found is not None else ()
+                approved = self._rehearsals.get(attempt) if decision.kind == "approve" else None
+                tracks = approved.timeline.tracks.values() if approved is not None else ()
                 due = any(t.identified_s is not None and t.warned_s is None for t in tracks)
-                if found is not None and due and self._unasked:
-                    self._foreseen = found.after
+                if approved is not None and due and self._unasked:
+                    self._foreseen = approved.after
                     self._wanted.set()
             case _:
                 pass

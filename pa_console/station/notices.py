@@ -48,7 +48,7 @@ class Noticer:
 
     def __init__(self, picture: Picture) -> None:
         """Treat everything in `picture` as already reported."""
-        self._told: dict[Key, Value | None] = {
+        self._values: dict[Key, Value | None] = {
             (fact.subject, fact.topic): fact.value for fact in _facts(picture)
         }
         self._since: dict[Key, tuple[Value, float]] = {}
@@ -56,7 +56,7 @@ class Noticer:
 
     def knows_manual(self, asset: str, *, manual: bool) -> None:
         """Treat the manual control of `asset`, or its end, as already reported."""
-        self._told[asset, MANUAL] = manual
+        self._values[asset, MANUAL] = manual
 
     def look(self, picture: Picture) -> list[Noticed]:
         """Return the changes that the operator should see now."""
@@ -67,7 +67,7 @@ class Noticer:
 
     def _is_news(self, fact: _Fact, now_s: float) -> bool:
         key = (fact.subject, fact.topic)
-        if self._told.setdefault(key, fact.at_first) == fact.value:
+        if self._values.setdefault(key, fact.at_first) == fact.value:
             self._since.pop(key, None)
             return False
         value, since_s = self._since.get(key, (fact.value, now_s))
@@ -77,7 +77,7 @@ class Noticer:
             self._since[key] = (fact.value, since_s)
             return False
         self._since.pop(key, None)
-        self._told[key] = fact.value
+        self._values[key] = fact.value
         return True
 
     def _gone(self, picture: Picture) -> Iterator[Noticed]:
@@ -86,11 +86,11 @@ class Noticer:
         for name, seen_s in list(self._tracks.items()):
             if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
                 del self._tracks[name]
-                keys = [key for key in self._told if key[0] == name]
-                if self._told.get((name, "presence")) is not None:
+                keys = [key for key in self._values if key[0] == name]
+                if self._values.get((name, "presence")) is not None:
                     yield Noticed(level="info", subject=name, text="track is gone")
                 for key in keys:
-                    del self._told[key]
+                    del self._values[key]
                     self._since.pop(key, None)
 
 

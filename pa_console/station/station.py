@@ -296,10 +296,10 @@ class ControlStation:
         `show` as soon as it is ready. Nothing is decided, and no asset moves.
         """
         self._live.give_way()
-        given = await answer(self._reload.services, question, self._record.state, show)
+        answered = await answer(self._reload.services, question, self._record.state, show)
         if not self._closed:
-            self._emit(given.told, given.mission or None)
-        return given.told
+            self._emit(answered.event, answered.mission or None)
+        return answered.event
 
     async def examine(self, plan: Plan, text: str = "") -> Examination:
         """Check and rehearse a plan in the present picture, without queuing or deciding anything.

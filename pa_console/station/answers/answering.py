@@ -154,7 +154,7 @@ def _known_of(state: SessionState, gate: str) -> list[Notice]:
 class QueryAnswer:
     """An answer, and the id of the mission that it is about; '' for none."""
 
-    told: QuestionAnswered
+    event: QuestionAnswered
     mission: str = ""
 
 
@@ -172,14 +172,14 @@ async def answer(
     trace = state.current
     if question.topic == "gate":
         lines = gate_lines(state, question.subjects[0], basis.fleet.world.dt_s)
-        return QueryAnswer(_told(question, [*lines]))
+        return QueryAnswer(_answered(question, [*lines]))
     if trace is None:
-        return QueryAnswer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
+        return QueryAnswer(_answered(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
     lines = await _about(basis, question, trace, show)
-    return QueryAnswer(_told(question, lines), trace.mission.id)
+    return QueryAnswer(_answered(question, lines), trace.mission.id)
 
 
-def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
+def _answered(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
     return QuestionAnswered(
         question=question.text, topic=question.topic, subjects=question.subjects, lines=tuple(lines)
     )

@@ -133,7 +133,7 @@ def asset_lines(
 ) -> Iterator[AnswerLine]:
     """Yield a line for each asset of the plan, or only for those in `only` if it names any."""
     actions = [a for a in actions_of(attempt) if a.agent in world.assets]
-    chosen = [each for each in actions if not only or each.agent in only]
+    chosen = [action for action in actions if not only or action.agent in only]
     for action in chosen[:MOST_ASSETS]:
         text = "; ".join((order_in_words(action), *_reasons(trace, attempt, action, world)))
         yield AnswerLine(about=action.agent, said=text)
@@ -185,22 +185,24 @@ def _nearness(
     kind = kind_asked_for(asked_of(trace, attempt), action, world)
     if kind is None and PLAIN_KINDS[own_kind] in trace.mission.text.lower().split():
         kind = own_kind
-    planned = {each.agent for each in actions_of(attempt)}
+    planned = {candidate.agent for candidate in actions_of(attempt)}
     others = [
-        each
-        for each, spec in world.assets.items()
-        if each not in planned and is_able(each, action, world) and kind in (None, spec.kind)
-        if each in before.assets and not _stands_at(each, place, before)
+        candidate
+        for candidate, spec in world.assets.items()
+        if candidate not in planned
+        and is_able(candidate, action, world)
+        and kind in (None, spec.kind)
+        if candidate in before.assets and not _stands_at(candidate, place, before)
     ]
     nearer = sorted(
-        (other_m, each)
-        for each in others
-        if (other_m := distance_m(each, action, world, before)) is not None
+        (other_m, candidate)
+        for candidate in others
+        if (other_m := distance_m(candidate, action, world, before)) is not None
         and other_m < own_m - _CLOSE_M
-        and (world.assets[each].kind == own_kind or may_leave(each, before))
+        and (world.assets[candidate].kind == own_kind or may_leave(candidate, before))
     )
     kind_word = PLAIN_KINDS[kind] if kind is not None else "asset"
-    free = [each for _, each in nearer if may_leave(each, before)]
+    free = [candidate for _, candidate in nearer if may_leave(candidate, before)]
     if may_leave(name, before) and not free:
         yield f"the nearest free {kind_word}, {own_m:.0f} m away"
     else:

@@ -29,7 +29,7 @@ class LastSession:
         `offered`, the world's own standing order, is left out because it is offered anyway.
         """
         self._folder, self._world, self._key, self._offered = folder, world_sha256, key, offered
-        self._told: list[ev.OutsideReport] = []
+        self._reports: list[ev.OutsideReport] = []
         self.orders: tuple[str, ...] = ()
         """The texts of the orders that were in force and have not been taken up again."""
         self._looking = Thread(target=self._look, name="last-session", daemon=True)
@@ -38,7 +38,7 @@ class LastSession:
         """Return the summary line once it is found; later calls return nothing."""
         if self._looking.ident is None:
             self._looking.start()
-        reports, self._told = self._told, []
+        reports, self._reports = self._reports, []
         return reports
 
     def wait(self) -> None:
@@ -77,4 +77,4 @@ class LastSession:
             named = "; ".join(f"“{order}”" for order in orders)
             text += f"; {self._key} takes up again what was in force: {named}"
         self.orders = tuple(orders)
-        self._told = [ev.Noticed(level="info", subject="last session", text=text)]
+        self._reports = [ev.Noticed(level="info", subject="last session", text=text)]

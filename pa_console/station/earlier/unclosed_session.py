@@ -207,7 +207,7 @@ class PursuitHistory:
             case ev.MissionFinished() if event.mission is not None:
                 self._orders.pop(event.mission, None)
             case ev.TelemetryReceived(picture=picture) if self._orders:
-                orders = [one for of in self._orders.values() for _, one in of.values()]
+                orders = [order for latest in self._orders.values() for _, order in latest.values()]
                 self.pursuits.look(moment(picture, self._world, orders))
             case _:
                 pass

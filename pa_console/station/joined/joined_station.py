@@ -298,7 +298,7 @@ class JoinedStation:
             )
         else:
             given = await answer(self, question, state, show)
-            answered, mission = given.told, given.mission
+            answered, mission = given.event, given.mission
         now, tick = datetime.now(UTC), state.tick
         self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=answered))
         return answered
@@ -374,9 +374,9 @@ class _ConnectionNews:
     """Notices about the connection and the station in command, one for each change."""
 
     def __init__(self, log: SharedLog) -> None:
-        self._log, self._told = log, Notices()
+        self._log, self._notices = log, Notices()
         self._problem, self._takeover = "", log.trust.takeover
-        self._heard = monotonic()
+        self._heard_at = monotonic()
         self._silent = self._lacks = False
 
     def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
@@ -388,8 +388,8 @@ class _ConnectionNews:
                 self._say("alarm", f"no connection to the broker: {problem}")
             else:
                 self._say("info", "connected to the broker again")
-        self._heard = now_s if heard else self._heard
-        if (silent := now_s - self._heard > SILENT_S) != self._silent:
+        self._heard_at = now_s if heard else self._heard_at
+        if (silent := now_s - self._heard_at > SILENT_S) != self._silent:
             self._silent = silent
             if silent:
                 self._say("alarm", f"nothing has come from {station} for {SILENT_S:.0f} s")
@@ -409,10 +409,10 @@ class _ConnectionNews:
             in_command = log.trust.roster.station_of(log.trust.takeover.station)
             more = "" if in_command == station else f"; {station} moves nothing any more"
             self._say("alarm", f"{log.trust.in_command}{more}")
-        return self._told.take()
+        return self._notices.take()
 
     def _say(self, level: ev.Level, text: str) -> None:
-        self._told.say(level, SUBJECT, text, monotonic())
+        self._notices.say(level, SUBJECT, text, monotonic())
 
 
 def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
