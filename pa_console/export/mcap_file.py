@@ -20,7 +20,8 @@ from pa_console.schema.base import Payload, Point
 from pa_console.schema.events.event import Event, TelemetryReceived
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
-from pa_console.session.state import Notice, SessionState
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import Notice
 
 _LEVELS = {"info": 2, "warning": 3, "alarm": 4}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

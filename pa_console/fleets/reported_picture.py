@@ -20,10 +20,8 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Weather
 from pa_console.schema.text import count
 from pa_console.schema.world import World
-from pa_console.sim import integrity, tracker
 from pa_console.sim import picture as station_side
 from pa_console.sim.checkpoint import Checkpoint
-from pa_console.sim.integrity import NOISE_M, SPEED_MARGIN
 from pa_console.sim.scene import (
     AssetState,
     Heard,
@@ -33,6 +31,8 @@ from pa_console.sim.scene import (
     SelfReport,
     StationState,
 )
+from pa_console.sim.sensing import integrity, tracker
+from pa_console.sim.sensing.integrity import NOISE_M, SPEED_MARGIN
 from pa_console.sim.sensing_state import Detection, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 

@@ -33,7 +33,7 @@ from pa_console.schema.mission import Metrics, Mission, MissionStatus
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority

@@ -20,7 +20,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action
 from pa_console.schema.telemetry import Picture
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority

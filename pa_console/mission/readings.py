@@ -142,7 +142,7 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
     A reader that reports no confidence, or whose accuracy was not measured, decides nothing. The
     judge needs no confidence if its reading leaves fewer gaps.
     """
-    measured = bool(own.evidence.told) and bool(reading.evidence.told)
+    measured = bool(own.evidence.chances) and bool(reading.evidence.chances)
     if reading.reader != "judge":
         return measured
     return variant.second_reading and (measured or reading.evidence.gaps < own.evidence.gaps)

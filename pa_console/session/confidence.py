@@ -52,14 +52,14 @@ class Evidence(NamedTuple):
     """The number of unused words, plus the number of names and tasks that no word supports."""
 
     @property
-    def told(self) -> dict[Reader, float]:
+    def chances(self) -> dict[Reader, float]:
         """The chances from the readers that have this reading and report one."""
-        told: dict[Reader, float | None] = {
+        chances: dict[Reader, float | None] = {
             "planner": self.planner,
             "judge": self.judge,
             "second": self.second,
         }
-        return {reader: chance for reader, chance in told.items() if chance is not None}
+        return {reader: chance for reader, chance in chances.items() if chance is not None}
 
 
 class WeighedReading(NamedTuple):
@@ -93,21 +93,21 @@ FITTED = Coefficients(1.034, 0.147, 0.425, 0.083, 0.513, -1.409)
 def features(readings: Sequence[Evidence]) -> list[tuple[float, ...]]:
     """Return the inputs of the coefficients, in their order, for each reading of one order."""
     gaps = [min(read.gaps, MOST_GAPS) for read in readings]
-    found = list[tuple[float, ...]]()
+    rows = list[tuple[float, ...]]()
     for read, count in zip(readings, gaps, strict=True):
         own = [chance for chance in (read.planner, read.judge) if chance is not None]
         second = [read.second] if read.second is not None else []
-        odds = [log_odds(min(told)) if told else 0.0 for told in (own, second)]
+        odds = [log_odds(min(chances)) if chances else 0.0 for chances in (own, second)]
         more = float(count - min(gaps))
-        found.append((1.0, float(len(own) > 1), odds[0], float(len(second)), odds[1], more))
-    return found
+        rows.append((1.0, float(len(own) > 1), odds[0], float(len(second)), odds[1], more))
+    return rows
 
 
 def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[float]:
     """Return the chance of each of the `readings` of one order; their sum is at most 1."""
     weights = [
-        math.exp(sum(factor * weight for factor, weight in zip(each, by, strict=True)))
-        for each in features(readings)
+        math.exp(sum(factor * weight for factor, weight in zip(row, by, strict=True)))
+        for row in features(readings)
     ]
     total = 1.0 + sum(weights)
     return [
@@ -118,19 +118,22 @@ def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[flo
 
 def _doubted(read: Evidence) -> bool:
     """Return whether a reading with a gap, or the second reader's alone, is unconfirmed."""
-    return read.gaps > 0 if read.second is None else len(read.told) == 1
+    return read.gaps > 0 if read.second is None else len(read.chances) == 1
 
 
 def calibrated_confidence(read: Evidence) -> float | None:
     """Return the chance of the only reading of an order; None if no reader reports a chance."""
-    return chances([read])[0] if read.told else None
+    return chances([read])[0] if read.chances else None
 
 
 def weighed(readings: Sequence[WeighedReading]) -> tuple[WeighedReading, ...]:
     """Return all `readings` of one order with their chances, the likeliest first."""
-    told = chances([reading.evidence for reading in readings])
-    found = [one._replace(chance=chance) for one, chance in zip(readings, told, strict=True)]
-    return tuple(sorted(found, key=lambda reading: -reading.chance))
+    likelihoods = chances([reading.evidence for reading in readings])
+    with_chances = [
+        reading._replace(chance=chance)
+        for reading, chance in zip(readings, likelihoods, strict=True)
+    ]
+    return tuple(sorted(with_chances, key=lambda reading: -reading.chance))
 
 
 def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bool:
@@ -139,10 +142,10 @@ def read_apart(served: WeighedReading, readings: Sequence[WeighedReading]) -> bo
     It may be if its chance is RIVAL or more, if its chance is unknown, or if only one reader has
     the reading that is served.
     """
-    others = [each for each in readings if each != served]
-    if others and len(served.evidence.told) < 2:
+    others = [reading for reading in readings if reading != served]
+    if others and len(served.evidence.chances) < 2:
         return True
-    return any(not each.evidence.told or each.chance >= RIVAL for each in others)
+    return any(not reading.evidence.chances or reading.chance >= RIVAL for reading in others)
 
 
 def log_odds(chance: float) -> float:

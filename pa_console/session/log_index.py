@@ -63,6 +63,7 @@ KEPT = 12
 """The number of saved indexes; the most recently used ones are kept."""
 
 _SUFFIX = ".replay-index"
+_CHUNK = 1 << 20
 
 
 class LogIndex:
@@ -222,11 +223,11 @@ def read_telemetry(line: bytes) -> TelemetryLine | None:
     if not _END.search(line, max(0, len(line) - _TAIL)):
         return None
     try:
-        found = _Line.model_validate_json(line)
+        record = _Line.model_validate_json(line)
     except ValidationError:
         return None
-    picture = found.data.picture
-    return TelemetryLine(found.t, found.tick, picture.tick, picture.time_s)
+    picture = record.data.picture
+    return TelemetryLine(record.t, record.tick, picture.tick, picture.time_s)
 
 
 def build_index(
@@ -334,9 +335,6 @@ class _Builder:
         state.missions = index.shelf(self._places.copy())
 
 
-_CHUNK = 1 << 20
-
-
 def identity(file: IO[bytes]) -> list[int]:
     """Return device, file, size and times of an open log; any change to the log changes them."""
     stat = os.fstat(file.fileno())
@@ -349,12 +347,12 @@ def index_path(folder: Path, log: Path) -> Path:
     return folder / f"{name}{_SUFFIX}"
 
 
-def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
-    """Return the index at `path` if it is complete and is of `log` with the identity `known`."""
+def load_index(path: Path, log: Path, log_identity: list[int]) -> LogIndex | None:
+    """Return the index at `path` if it is complete and belongs to `log` as identified."""
     try:
         file = path.open("rb")
         try:
-            index = _read(file, log, known)
+            index = _read(file, log, log_identity)
         except BaseException:
             file.close()
             raise
@@ -365,7 +363,7 @@ def load_index(path: Path, log: Path, known: list[int]) -> LogIndex | None:
     return index
 
 
-def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
+def save_index(path: Path, index: LogIndex, log_identity: list[int]) -> None:
     """Write the index to `path`, completely or not at all; raise OSError."""
     make_private_folder(path.parent)
     timeline = index.timeline
@@ -375,7 +373,7 @@ def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
     problem = index.problem
     header = {
         "made_by": _made_by(),
-        "log": known,
+        "log": log_identity,
         "sizes": [len(part) for part in parts],
         "blobs": total,
         "checksum": _checksum(parts, blobs, 0),
@@ -399,10 +397,10 @@ def save_index(path: Path, index: LogIndex, known: list[int]) -> None:
     _drop_oldest(path.parent)
 
 
-def _read(file: IO[bytes], log: Path, known: list[int]) -> LogIndex:
+def _read(file: IO[bytes], log: Path, log_identity: list[int]) -> LogIndex:
     """Return the index in `file`; raise ValueError if it is of another log or damaged."""
     header: dict[str, Any] = json.loads(file.readline())
-    if header["made_by"] != _made_by() or header["log"] != known:
+    if header["made_by"] != _made_by() or header["log"] != log_identity:
         raise ValueError("of another log, or made by other code")
     parts = [file.read(size) for size in header["sizes"]]
     first = file.tell()

@@ -22,6 +22,7 @@ _PICTURES = frozenset((b"telemetry", b"log_signed"))
 
 Ending = Literal["closed", "open", "damaged"]
 """The end of a log: with the end of its session, without it, or at damage."""
+LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 
 
 @dataclass
@@ -83,26 +84,26 @@ class SessionSummary:
 
 def summarise(log: Path) -> SessionSummary:
     """Return the summary of `log`; raise LogError if it is not the log of a session."""
-    found = SessionSummary(log)
+    summary = SessionSummary(log)
     missions: dict[str, RecordedMission] = {}
     try:
         for number, line in read_lines(log):
             head = RECORD_START.match(line)
             if head is None:
                 raise LogError(str(log), number, "not a record of a session log")
-            _time(found, head[1])
+            _time(summary, head[1])
             if head[3] in _READ:
-                _take(found, missions, _event(log, number, line))
-            elif found.ending == "closed" and head[3] not in {b"log_signed"}:
-                found.ending, found.reason = "open", ""
+                _take(summary, missions, _event(log, number, line))
+            elif summary.ending == "closed" and head[3] not in {b"log_signed"}:
+                summary.ending, summary.reason = "open", ""
     except LogError as error:
-        if found.started is None or not found.session:
+        if summary.started is None or not summary.session:
             raise
-        found.ending, found.reason = "damaged", str(error)
-    if not found.session:
+        summary.ending, summary.reason = "damaged", str(error)
+    if not summary.session:
         raise LogError(str(log), 1, "the log does not begin with the start of a session")
-    found.missions = list(missions.values())
-    return found
+    summary.missions = list(missions.values())
+    return summary
 
 
 def _event(log: Path, number: int, line: bytes) -> ev.Event:
@@ -112,22 +113,26 @@ def _event(log: Path, number: int, line: bytes) -> ev.Event:
         raise LogError(str(log), number, str(error)) from error
 
 
-def _time(found: SessionSummary, text: bytes) -> None:
+def _time(summary: SessionSummary, text: bytes) -> None:
     try:
         t = datetime.fromisoformat(text.decode())
     except ValueError:
         return
     t = t if t.tzinfo is not None else t.replace(tzinfo=UTC)
-    found.started = found.started or t
-    found.length_s = max(found.length_s, (t - found.started).total_seconds())
+    summary.started = summary.started or t
+    summary.length_s = max(summary.length_s, (t - summary.started).total_seconds())
 
 
-def _take(found: SessionSummary, missions: dict[str, RecordedMission], event: ev.Event) -> None:
+def _take(summary: SessionSummary, missions: dict[str, RecordedMission], event: ev.Event) -> None:
     match event.data:
         case ev.SessionStarted() as data:
-            found.session, found.world, found.rules = data.session, data.world, data.rules
-            found.world_sha256, found.model = data.world_sha256, data.model
-            found.scenario, found.seed, found.readonly = data.scenario, data.seed, data.readonly
+            summary.session, summary.world, summary.rules = data.session, data.world, data.rules
+            summary.world_sha256, summary.model = data.world_sha256, data.model
+            summary.scenario, summary.seed, summary.readonly = (
+                data.scenario,
+                data.seed,
+                data.readonly,
+            )
         case ev.MissionReceived(mission=mission):
             missions[mission.id] = RecordedMission(
                 mission.id,
@@ -139,7 +144,7 @@ def _take(found: SessionSummary, missions: dict[str, RecordedMission], event: ev
             mission = missions[event.mission]
             mission.status, mission.reason = status, reason
         case ev.SessionEnded(reason=reason):
-            found.ending, found.reason = "closed", reason
+            summary.ending, summary.reason = "closed", reason
         case _:
             pass
 
@@ -173,15 +178,15 @@ def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]
 
     Files that are not session logs are ignored; a missing folder has no sessions.
     """
-    found: list[SessionSummary] = []
+    sessions: list[SessionSummary] = []
     for log in newest_logs(folder):
-        if most is not None and len(found) >= most:
+        if most is not None and len(sessions) >= most:
             break
         try:
-            found.append(summarise(log))
+            sessions.append(summarise(log))
         except LogError:
             continue
-    return found
+    return sessions
 
 
 def newest_logs(folder: Path) -> list[Path]:
@@ -207,16 +212,13 @@ def find_session(folder: Path, name: str) -> Path:
     if name == "last" and logs:
         return logs[0]
     exact = [log for log in logs if name in {log.stem, log.name}]
-    found = exact or [log for log in logs if name and log.stem.startswith(name)]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        names = ", ".join(sorted(log.stem for log in found)[:6])
-        raise ValueError(f"“{name}” stands for {len(found)} sessions: {names}")
+    matches = exact or [log for log in logs if name and log.stem.startswith(name)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        names = ", ".join(sorted(log.stem for log in matches)[:6])
+        raise ValueError(f"“{name}” stands for {len(matches)} sessions: {names}")
     raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")
-
-
-LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 
 
 @dataclass(frozen=True)
@@ -247,16 +249,16 @@ def soundness(log: Path) -> Soundness:
     """Check chain, signatures and head of `log`; only keys of this machine are accepted."""
     try:
         running = is_held(log)
-        found = verify(log)
+        result = verify(log)
     except LogError as error:
         return Soundness("damaged", str(error))
     except OSError as error:
         return Soundness("damaged", f"{log}: {error.strerror or error}")
-    if not found.ok and not running:
-        line = f"line {found.first_bad_line}: " if found.first_bad_line else ""
-        return Soundness("damaged", f"{line}{found.damage}: {found.problem}")
+    if not result.ok and not running:
+        line = f"line {result.first_bad_line}: " if result.first_bad_line else ""
+        return Soundness("damaged", f"{line}{result.damage}: {result.problem}")
     if running:
         return Soundness("running", "a console is writing this log")
-    if found.intact:
-        return Soundness("verified", f"every line is signed by {found.key}")
-    return Soundness("open" if found.standing == "open" else "unsigned", found.note)
+    if result.intact:
+        return Soundness("verified", f"every line is signed by {result.key}")
+    return Soundness("open" if result.standing == "open" else "unsigned", result.note)

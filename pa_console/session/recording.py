@@ -75,18 +75,18 @@ class Recording:
             raise os_error(path, "read the session log", error) from error
         recording._path, recording._file = path, file
         weakref.finalize(recording, file.close)
-        known = identity(file)
-        kept = index_path(cache, path) if cache and known[2] >= cached_from else None
-        index = load_index(kept, path, known) if kept else None
+        log_identity = identity(file)
+        kept = index_path(cache, path) if cache and log_identity[2] >= cached_from else None
+        index = load_index(kept, path, log_identity) if kept else None
         if index is None:
             options = {"frame_events": frame_events} if frame_events is not None else {}
             try:
-                index = build_index(path, file, known[2], progress, **options)
+                index = build_index(path, file, log_identity[2], progress, **options)
             except OSError as error:
                 raise os_error(path, "read the session log", error) from error
             if kept is not None:
                 with suppress(OSError):
-                    save_index(kept, index, known)
+                    save_index(kept, index, log_identity)
         if index.problem is not None and not len(index.timeline):
             raise index.problem
         recording.index = index
@@ -131,10 +131,10 @@ class Recording:
         assert self._file is not None
         first, end = self.index.positions[index : index + 2]
         try:
-            found = os.pread(self._file.fileno(), end - first, first)
+            text = os.pread(self._file.fileno(), end - first, first)
         except OSError as error:
             raise os_error(self._path, "read the session log", error) from error
-        return found.partition(b"\n")[0]
+        return text.partition(b"\n")[0]
 
     def content(self, index: int) -> str:
         """Return mission, kind and data of event `index` as one JSON object, as in the log.
@@ -258,17 +258,17 @@ class Player:
 
     def next_mark(self, kinds: frozenset[MarkKind]) -> bool:
         """Pause, and go to just after the next mark of these `kinds`; return False without one."""
-        found = self.recording.timeline.mark_after(self.index, kinds)
-        if found is not None:
-            self.to_event(found)
-        return found is not None
+        mark = self.recording.timeline.mark_after(self.index, kinds)
+        if mark is not None:
+            self.to_event(mark)
+        return mark is not None
 
     def mark_back(self, kinds: frozenset[MarkKind]) -> bool:
         """Pause, and go to just after the last mark of these `kinds`; return False if none."""
-        found = self.recording.timeline.mark_before(self.index - 1, kinds)
-        if found is not None:
-            self.to_event(found)
-        return found is not None
+        mark = self.recording.timeline.mark_before(self.index - 1, kinds)
+        if mark is not None:
+            self.to_event(mark)
+        return mark is not None
 
     def seek(self, seconds: float) -> None:
         """Go to `seconds` from the first event, or to the nearer end; playing continues."""

@@ -3,23 +3,26 @@
 from collections import deque
 from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
-from datetime import datetime
 
 from pa_console.schema.base import ALARM_PRIORITIES
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Alarm, QueueEntry, StandingOrder
+from pa_console.schema.mission import Alarm, QueueEntry
 from pa_console.schema.telemetry import Picture
-from pa_console.session.mission_trace import (
-    CommandTrace,
-    MissionTrace,
-    apply_to_mission,
-    withhold_approval,
+from pa_console.session.mission_fold import apply_to_mission, withhold_approval
+from pa_console.session.mission_trace import CommandTrace, MissionTrace
+from pa_console.session.state_parts import (
+    ManualTrace,
+    Notice,
+    OpenAlarm,
+    StandingTrace,
+    StartTrace,
+    Stop,
+    TakTrace,
 )
 from pa_console.session.wording import (
     alarm_now,
     answer_in_words,
     command_taken_in_words,
-    contact_in_words,
     deviations_in_words,
     incident_in_words,
     order_in_words,
@@ -33,168 +36,6 @@ _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium":
 BY_CLOCK = "the clock"
 """The `by` of the event that ends a timed order after its last moment."""
 MOST_STARTS_KEPT = 100
-LEFT_OUT = {
-    "outside": "contacts beyond the site are reported; they are not shown",
-    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
-    "unreadable": "the server sends what is no event; it is left out",
-}
-"""The notice about contacts that are not shown, by reason; each is given once."""
-
-GONE = {
-    "stale": "not heard any more",
-    "removed": "removed by its sender",
-    "left": "beyond the site",
-}
-
-
-@dataclass(frozen=True)
-class Notice:
-    """One line of the event list; a `hidden` one was unknown to the operator at the time."""
-
-    t: datetime
-    tick: int
-    level: ev.Level
-    subject: str
-    text: str
-    hidden: bool = False
-
-
-@dataclass(frozen=True)
-class OpenAlarm:
-    """An alarm whose cause persists; `acknowledged_by` is '' until an operator has seen it."""
-
-    alarm: Alarm
-    acknowledged_by: str = ""
-
-    @property
-    def acknowledged(self) -> bool:
-        """True once an operator has seen it."""
-        return bool(self.acknowledged_by)
-
-
-@dataclass
-class Stop:
-    """The operator's stop until its release, and the latest command to each asset since then."""
-
-    by: str
-    tick: int
-    orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
-    overdue: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets that should hold by now but are not known to, each with the reason."""
-
-    @property
-    def unconfirmed(self) -> tuple[str, ...]:
-        """The assets that were ordered to hold but have not answered, or are not seen to hold."""
-        return tuple(
-            name for name, sent in self.orders.items() if name in self.overdue or not _is_done(sent)
-        )
-
-    @property
-    def held(self) -> int:
-        """The number of assets that have reported that they hold."""
-        return len(self.orders) - len(self.unconfirmed)
-
-
-@dataclass(frozen=True)
-class StartTrace:
-    """One mission that a standing order has started, at a `tick` of the simulation."""
-
-    tick: int
-    subject: str
-    mission: str
-
-
-@dataclass
-class StandingTrace:
-    """One approved standing order and its effects; `ended` is the reason why it is over."""
-
-    order: StandingOrder
-    by: str
-    since_tick: int
-    starts: list[StartTrace] = field(default_factory=list[StartTrace])
-    started: int = 0
-    """The number of missions started; `starts` has only the last of them."""
-    withheld: ev.StandingOrderWithheld | None = None
-    """The last time that the order started nothing."""
-    next: ev.StandingOrderScheduled | None = None
-    """The order's next moment, and whether the order is paused."""
-    ended: str = ""
-
-    @property
-    def in_force(self) -> bool:
-        """True until the order is revoked or over."""
-        return not self.ended
-
-    @property
-    def paused(self) -> bool:
-        """True while the order starts nothing, until it is resumed."""
-        return self.next is not None and self.next.paused
-
-    @property
-    def last(self) -> StartTrace | None:
-        """The last mission that the order started."""
-        return self.starts[-1] if self.starts else None
-
-
-@dataclass(frozen=True)
-class ManualTrace:
-    """The start of manual control of an asset: the operator and the tick."""
-
-    by: str
-    tick: int
-
-
-@dataclass
-class TakTrace:
-    """The connection to a TAK server, unchanged `since` then, and its contacts by uid.
-
-    It is separate from the picture: planning, checks and alarms do not read it.
-    """
-
-    connection: ev.TakChanged | None = None
-    since: datetime | None = None
-    contacts: dict[str, ev.ReportedContact] = field(default_factory=dict[str, ev.ReportedContact])
-    left_out: ev.ContactsLeftOut = field(default_factory=ev.ContactsLeftOut)
-
-    @property
-    def away(self) -> bool:
-        """True if a server is configured but not connected."""
-        return self.connection is not None and self.connection.state == "away"
-
-    def apply(self, event: ev.Event) -> list[tuple[ev.Level, str]]:
-        """Apply one event; return the levels and texts of its lines in the event list."""
-        match event.data:
-            case ev.TakChanged():
-                return self._connection_changed(event.data, event.t)
-            case ev.ContactReported(contact=contact):
-                return self._reported(contact)
-            case ev.ContactLost(uid=uid, reason=reason) if uid in self.contacts:
-                lost = contact_in_words(self.contacts.pop(uid))
-                return [("info", f"no longer reported, {GONE[reason]}: {lost}")]
-            case ev.ContactsLeftOut():
-                before, self.left_out = self.left_out, event.data
-                first = (name for name in LEFT_OUT if not getattr(before, name))
-                return [("info", LEFT_OUT[name]) for name in first if getattr(event.data, name)]
-            case ev.SessionResumed():
-                self.connection, self.since, self.contacts = None, None, {}
-                return []
-            case _:
-                return []
-
-    def _connection_changed(self, now: ev.TakChanged, t: datetime) -> list[tuple[ev.Level, str]]:
-        before, self.connection = self.connection, now
-        if before is not None and (before.state, before.server) == (now.state, now.server):
-            return []
-        self.since = t
-        return [("info" if now.state == "connected" else "warning", now.detail)]
-
-    def _reported(self, contact: ev.ReportedContact) -> list[tuple[ev.Level, str]]:
-        known = contact.uid in self.contacts
-        if not known and len(self.contacts) >= ev.MOST_CONTACTS:
-            return []
-        self.contacts[contact.uid] = contact
-        text = f"reported, not seen by our sensors: {contact_in_words(contact)}"
-        return [] if known else [("info", text)]
 
 
 @dataclass
@@ -274,13 +115,13 @@ class SessionState:
 
     def is_worse(self, alarm: Alarm) -> bool:
         """Return True if `alarm` is new, or has a higher priority than before."""
-        known = self.open_alarms.get(alarm.id)
-        return known is None or _rank(alarm) < _rank(known.alarm)
+        before = self.open_alarms.get(alarm.id)
+        return before is None or _rank(alarm) < _rank(before.alarm)
 
     def is_news(self, alarm: Alarm) -> bool:
         """Return True if `alarm` is new, or has a higher priority or another kind than before."""
-        known = self.open_alarms.get(alarm.id)
-        return self.is_worse(alarm) or (known is not None and known.alarm.kind != alarm.kind)
+        before = self.open_alarms.get(alarm.id)
+        return self.is_worse(alarm) or (before is not None and before.alarm.kind != alarm.kind)
 
     def apply(self, event: ev.Event) -> None:
         """Apply one event; an event of an unknown mission changes no mission."""
@@ -330,8 +171,8 @@ class SessionState:
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.QuestionAnswered(question=question):
-                asked = f"asked “{question}”; its trace has the answer"
-                text = asked if event.mission else answer_in_words(event.data)
+                pointer = f"asked “{question}”; its trace has the answer"
+                text = pointer if event.mission else answer_in_words(event.data)
                 self._notice(event, "info", event.mission or "question", text)
             case ev.CameraStill(track=track, camera=camera, problem=problem):
                 before = self.stills.pop(track, None)
@@ -377,8 +218,8 @@ class SessionState:
     def _apply_to_alarms(self, event: ev.Event) -> None:
         match event.data:
             case ev.AlarmRaised(alarm=alarm):
-                known, worse = self.open_alarms.get(alarm.id), self.is_worse(alarm)
-                by = "" if known is None or worse else known.acknowledged_by
+                before, worse = self.open_alarms.get(alarm.id), self.is_worse(alarm)
+                by = "" if before is None or worse else before.acknowledged_by
                 self.open_alarms[alarm.id] = OpenAlarm(alarm, by)
                 if worse:
                     level = _LEVELS.get(alarm.priority, "info")
@@ -423,15 +264,15 @@ class SessionState:
                 text = f"not sent: {'; '.join(orders)}: {reason}"
                 self._notice(event, "alarm", event.mission or "", text)
             case ev.DecisionMade(accepted=True, decision=decision, attempt=number):
-                if said := deviations_in_words(decision):
-                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+                if words := deviations_in_words(decision):
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {words}")
                 if decision.standing_order:
-                    said = f"approved by standing order {decision.standing_order}, unasked"
-                    self._notice(event, "warning", event.mission or "", f"plan {number}: {said}")
+                    words = f"approved by standing order {decision.standing_order}, unasked"
+                    self._notice(event, "warning", event.mission or "", f"plan {number}: {words}")
             case ev.OutcomeJudged(verdict=verdict, error=error):
                 if verdict is None or verdict.verdict == "Failure":
-                    said = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
-                    text = f"the judge on the outcome: {said}"
+                    words = error if verdict is None else f"{verdict.verdict}: {verdict.feedback}"
+                    text = f"the judge on the outcome: {words}"
                     self._notice(event, "warning", event.mission or "", text)
             case ev.MissionFinished(status=status, reason=reason):
                 self._leave(event)
@@ -439,34 +280,34 @@ class SessionState:
                 level = "info" if status == "verified" else "warning"
                 trace = self.missions.get(event.mission or "")
                 settled = trace is not None and trace.standing is not None and level == "info"
-                told = reason if settled else f"{status}: {reason}"
-                self._notice(event, level, event.mission or "", told)
+                summary = reason if settled else f"{status}: {reason}"
+                self._notice(event, level, event.mission or "", summary)
             case _:
                 pass
 
     def _apply_to_standing(self, event: ev.Event) -> None:
-        known = self.standing
+        orders = self.standing
         match event.data:
             case ev.StandingOrderApproved(order=order, by=by):
-                known[order.id] = StandingTrace(order, by, event.tick)
+                orders[order.id] = StandingTrace(order, by, event.tick)
                 text = f"in force, approved by {by}: {order.text}"
                 self._notice(event, "warning", order.id, text)
-            case ev.StandingOrderStarted(order_id=name, subject=subject) if name in known:
-                trace = known[name]
+            case ev.StandingOrderStarted(order_id=name, subject=subject) if name in orders:
+                trace = orders[name]
                 trace.starts.append(StartTrace(event.tick, subject, event.mission or ""))
                 del trace.starts[:-MOST_STARTS_KEPT]
                 trace.started += 1
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
-                if name in known:
-                    known[name].withheld = event.data
-                what = f"nothing is started{f' for {subject}' if subject else ''}"
-                self._notice(event, "warning", name, f"{what}: {reason}")
-            case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in known:
+                if name in orders:
+                    orders[name].withheld = event.data
+                text = f"nothing is started{f' for {subject}' if subject else ''}"
+                self._notice(event, "warning", name, f"{text}: {reason}")
+            case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in orders:
                 revoked = f"revoked by {by}{f': {reason}' if reason else ''}"
-                known[name].ended = reason if by == BY_CLOCK else revoked
-                self._notice(event, "warning", name, known[name].ended)
-            case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in known:
-                known[name].next = event.data
+                orders[name].ended = reason if by == BY_CLOCK else revoked
+                self._notice(event, "warning", name, orders[name].ended)
+            case ev.StandingOrderScheduled(order_id=name, by=by, change=change) if name in orders:
+                orders[name].next = event.data
                 if change:
                     self._notice(event, "warning", name, f"{change} by {by}")
             case ev.AgentMuted(agent=agent, muted=True, by=by):
@@ -476,7 +317,7 @@ class SessionState:
                 self.muted_agents -= {agent}
                 self._notice(event, "warning", agent, f"may propose again, by {by}")
             case ev.SessionEnded():
-                for trace in known.values():
+                for trace in orders.values():
                     trace.ended = trace.ended or "the session has ended"
             case _:
                 pass
@@ -539,10 +380,6 @@ class SessionState:
         self.notices.append(Notice(event.t, event.tick, level, subject, text, hidden))
 
 
-def _is_done(sent: CommandTrace) -> bool:
-    return bool(sent.replies) and sent.replies[-1].status == "done"
-
-
 def _rank(alarm: Alarm) -> int:
     return ALARM_PRIORITIES.index(alarm.priority)
 
@@ -555,11 +392,11 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
 
 def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
     """Return the queue's entries for missions that have not begun, the next one first."""
-    known = state.missions
+    missions = state.missions
     return tuple(
         entry
         for entry in state.queue
-        if (trace := known.get(entry.mission.id)) is None
+        if (trace := missions.get(entry.mission.id)) is None
         or not (_begun(state, trace) or trace.status is not None)
     )
 

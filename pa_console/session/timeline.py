@@ -21,22 +21,27 @@ MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
 
 MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 _NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
+KIND_NAMES = tuple(sorted(KINDS))
+_CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
+_TELEMETRY = _CODES["telemetry"]
+_MOST = 2**63 - 1
+_NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
     """Return the mark of `event`, which comes after the state `before`; None for no mark."""
-    found: MarkKind | None = None
+    kind: MarkKind | None = None
     if _is_fault(event.data):
-        found = "fault"
+        kind = "fault"
     elif _is_refusal(event.data):
-        found = "refusal"
+        kind = "refusal"
     elif _is_finding(event.data):
-        found = "finding"
+        kind = "finding"
     elif isinstance(event.data, ev.MissionReceived):
-        found = "mission"
+        kind = "mission"
     elif isinstance(event.data, ev.AlarmRaised) and before.is_news(event.data.alarm):
-        found = "alarm"
-    return found
+        kind = "alarm"
+    return kind
 
 
 def _is_finding(data: ev.EventPayload) -> bool:
@@ -101,13 +106,6 @@ def _breaks(incident: Incident) -> bool:
             return incident.kind not in _NO_FAULTS
 
 
-KIND_NAMES = tuple(sorted(KINDS))
-_CODES = {kind: code for code, kind in enumerate(KIND_NAMES)}
-_TELEMETRY = _CODES["telemetry"]
-_MOST = 2**63 - 1
-_NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
-
-
 class RecordingTimeline:
     """Columns with an entry for each event; `seconds` and `ticks` never decrease.
 
@@ -163,7 +161,7 @@ class RecordingTimeline:
 
     def without_telemetry(self, first: int, end: int) -> Iterator[int]:
         """Yield the events from `first` up to `end` that are not telemetry."""
-        return (found.start() for found in _NOT_TELEMETRY.finditer(self.kinds, first, end))
+        return (match.start() for match in _NOT_TELEMETRY.finditer(self.kinds, first, end))
 
     def kinds_between(self, first: int, end: int) -> frozenset[str]:
         """Return the kinds of the events from `first` up to `end`."""
@@ -191,10 +189,10 @@ class RecordingTimeline:
 
     def marks_by_place(self, places: int) -> list[MarkKind | None]:
         """Return the worst mark in each of `places` equal parts of the duration."""
-        found: list[int | None] = [None] * places
+        highest: list[int | None] = [None] * places
         scale = places / self.duration if self.duration > 0 else 0.0
         for index, kind in zip(self.marks, self.mark_kinds, strict=True):
             place = min(int(self.seconds[index] * scale), places - 1)
-            known = found[place]
-            found[place] = kind if known is None else min(known, kind)
-        return [None if kind is None else MARK_KINDS[kind] for kind in found]
+            present = highest[place]
+            highest[place] = kind if present is None else min(present, kind)
+        return [None if kind is None else MARK_KINDS[kind] for kind in highest]

@@ -122,8 +122,8 @@ def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
     """Return the assets that are not known to hold after a stop, with the reasons."""
     if not assets:
         return "every asset stands, as telemetry shows"
-    each = ", ".join(f"{name} ({why})" for name, why in assets.items())
-    return f"STOP not confirmed by {each}"
+    names = ", ".join(f"{name} ({why})" for name, why in assets.items())
+    return f"STOP not confirmed by {names}"
 
 
 def link_in_words(name: str, links: Mapping[str, str]) -> str:

@@ -14,7 +14,6 @@ from pa_console.sim import (
     devices,
     forecast,
     incidents,
-    integrity,
     motion,
     physics,
     radio,
@@ -25,6 +24,7 @@ from pa_console.sim import picture as station_side
 from pa_console.sim.camera_view import still_of
 from pa_console.sim.physics import Traffic
 from pa_console.sim.scene import AssetState, RadioState, Report, Scene, settle_battery
+from pa_console.sim.sensing import integrity
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.truth import TrueContact
 from pa_console.sim.worlds.terrain import Terrain

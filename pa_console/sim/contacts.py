@@ -18,6 +18,7 @@ BUMPER_M = 3.0
 """The distance at which a contact that ignores a warning passes ground assets, in metres."""
 _STOPPED_MPS = 0.05
 _ASIDE_DEG = (30, -30, 60, -60, 85, -85)
+Points = npt.NDArray[np.float64]
 
 
 def spawn(terrain: Terrain, scene: Scene, incident: SpawnTrack) -> ContactState:
@@ -63,8 +64,8 @@ def pick_lane(terrain: Terrain, scene: Scene, gate: str) -> str:
     """Return a lane to `gate`, drawn if there are several; raises ValueError if there is none."""
     lanes = terrain.lanes_to(gate)
     if not lanes:
-        known = ", ".join(sorted({lane.gate for lane in terrain.world.lanes.values()})) or "none"
-        raise ValueError(f"no lane leads to {gate!r}; gates with a lane: {known}")
+        gates = ", ".join(sorted({lane.gate for lane in terrain.world.lanes.values()})) or "none"
+        raise ValueError(f"no lane leads to {gate!r}; gates with a lane: {gates}")
     return lanes[0] if len(lanes) == 1 else scene.rng.choice(lanes)
 
 
@@ -76,8 +77,8 @@ def turn(scene: Scene, incident: RevealTrack) -> None:
     """
     state = scene.sensing
     if incident.track not in state.named:
-        known = ", ".join(state.named) or "none"
-        raise ValueError(f"there is no contact named {incident.track!r}; known: {known}")
+        names = ", ".join(state.named) or "none"
+        raise ValueError(f"there is no contact named {incident.track!r}; known: {names}")
     contact = state.contacts.get(state.named[incident.track])
     if contact is None:
         return
@@ -94,9 +95,6 @@ def remove(scene: Scene, contact_id: str) -> None:
     del state.contacts[contact_id]
     state.watched = {key: n for key, n in state.watched.items() if key[1] != contact_id}
     state.findings = {key: f for key, f in state.findings.items() if key[1] != contact_id}
-
-
-Points = npt.NDArray[np.float64]
 
 
 class _GroundAssets:
@@ -129,11 +127,11 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
         return
     ground = _GroundAssets(scene)
     for contact in list(scene.contacts.values()):
-        told = contact.warned_tick is not None
-        if told and contact.when_warned == "stop":
+        warned = contact.warned_tick is not None
+        if warned and contact.when_warned == "stop":
             contact.speed = 0.0
             contact.status = "inside" if _inside(terrain, contact) else "stopped"
-        elif told and contact.when_warned == "leave":
+        elif warned and contact.when_warned == "leave":
             _leave(terrain, scene, contact, dt_s)
         elif contact.on_lane and contact.status != "leaving":
             _approach(terrain, scene, contact, ground, dt_s)

@@ -21,17 +21,20 @@ from pa_console.schema.command import (
 )
 from pa_console.schema.telemetry import Task
 from pa_console.sim import radio
-from pa_console.sim.evidence import identity_of
 from pa_console.sim.motion import unstick, way_left
 from pa_console.sim.scene import AssetState, Scene, rouse
+from pa_console.sim.sensing.evidence import identity_of
+from pa_console.sim.sensing.tracker import name_of
 from pa_console.sim.sensing_state import ContactFinding, ContactState
-from pa_console.sim.tracker import name_of
 from pa_console.sim.worlds.terrain import Terrain
 
 PROGRESS_S = 5.0
 _REMEMBERED = 32
 IDENTIFY_S = 4.0
 WARN_S = 3.0
+Admit = Callable[[DeviceCommand], str]
+"""Returns why a device may not carry out a command, or ''; called once per command id."""
+Ending = tuple[Literal["done", "failed"] | None, str]
 
 
 def listen(terrain: Terrain, scene: Scene) -> None:
@@ -63,10 +66,6 @@ def note_heard(terrain: Terrain, scene: Scene, asset: AssetState) -> None:
             radio.send_reply(scene, reply, terrain.world.dt_s)
 
 
-Admit = Callable[[DeviceCommand], str]
-"""Returns why a device may not carry out a command, or ''; called once per command id."""
-
-
 def accept(
     terrain: Terrain, scene: Scene, command: DeviceCommand, admit: Admit | None = None
 ) -> Iterator[CommandReply]:
@@ -77,8 +76,8 @@ def accept(
     """
     asset = scene.assets.get(command.agent)
     if asset is None:
-        known = ", ".join(scene.assets)
-        yield _answer(scene, command, "refused", f"there is no asset of this name; known: {known}")
+        names = ", ".join(scene.assets)
+        yield _answer(scene, command, "refused", f"there is no asset of this name; known: {names}")
         return
     known_reply = next((r for r in asset.answered if r.command_id == command.command_id), None)
     under_way = asset.command is not None or bool(asset.route)
@@ -300,9 +299,6 @@ def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
     others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
-
-
-Ending = tuple[Literal["done", "failed"] | None, str]
 
 
 def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:

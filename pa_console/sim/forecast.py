@@ -15,9 +15,8 @@ from pa_console.schema.command import ADDRESSING, COMMANDS, DeviceCommand, Verb
 from pa_console.schema.telemetry import AssetTelemetry, Picture, Task, Track
 from pa_console.schema.world import World
 from pa_console.sim import picture as station_side
-from pa_console.sim import sensors, telemetry, tracker
+from pa_console.sim import telemetry
 from pa_console.sim.contacts import way_in
-from pa_console.sim.evidence import weight_of
 from pa_console.sim.scene import (
     AssetState,
     Heard,
@@ -27,6 +26,8 @@ from pa_console.sim.scene import (
     StationState,
     settle_battery,
 )
+from pa_console.sim.sensing import sensors, tracker
+from pa_console.sim.sensing.evidence import weight_of
 from pa_console.sim.sensing_state import ContactState, Sighting, Statement, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -49,9 +50,9 @@ def scene_of(terrain: Terrain, picture: Picture) -> Scene:
     station = scene.station = StationState(at_gate={gate: {} for gate in world.gates})
     for index, report in enumerate(picture.assets.values()):
         asset = scene.assets[report.id] = _asset(world, picture.tick, index, report)
-        said = station.shown[report.id] = SelfReport.of(report)
+        shown = station.shown[report.id] = SelfReport.of(report)
         station.heard[report.id] = Heard(
-            telemetry=said,
+            telemetry=shown,
             stamp=picture.tick if asset.radio.up else round(report.stamp_s / dt_s),
             marks=station_side.marks_of(report.comms),
         )
@@ -76,15 +77,15 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
             silent.append(asset.id)
         elif asset.index % IDLE_REPORT_PERIODS == turn:
             scene.touched.add(asset.id)
-    heard = [asset for asset in scene.in_order(scene.touched) if asset.radio.up]
-    for asset in heard:
+    reporting = [asset for asset in scene.in_order(scene.touched) if asset.radio.up]
+    for asset in reporting:
         settle_battery(world, scene, asset)
-        said = telemetry.report_of(terrain, scene.tick, asset)
-        station.heard[asset.id] = Heard(said, scene.tick, station.heard[asset.id].marks)
+        report = telemetry.report_of(terrain, scene.tick, asset)
+        station.heard[asset.id] = Heard(report, scene.tick, station.heard[asset.id].marks)
     scene.touched.clear()
     for sensor, detections in sensors.scan(terrain, scene).items():
         tracker.receive(terrain, scene, sensor, scene.tick, detections)
-    return station_side.build(terrain, scene, [*(asset.id for asset in heard), *silent])
+    return station_side.build(terrain, scene, [*(asset.id for asset in reporting), *silent])
 
 
 def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> AssetState:

@@ -34,9 +34,9 @@ from pa_console.schema.incident import (
 from pa_console.schema.telemetry import Task
 from pa_console.schema.world import Wall
 from pa_console.sim import contacts, devices, radio
-from pa_console.sim.evidence import identity_of
 from pa_console.sim.physics import gap
 from pa_console.sim.scene import AssetState, Drift, Scene, ScriptState, rouse
+from pa_console.sim.sensing.evidence import identity_of
 from pa_console.sim.sensing_state import Phantom
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -63,8 +63,8 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
         case SetComms(asset=name, comms=comms):
             radio.set_comms(terrain.world, _asset(terrain, scene, name), comms)
         case SetRadio(asset=name):
-            for each in scene.assets if name is None else (name,):
-                radio.set_radio(_asset(terrain, scene, each), incident)
+            for asset_name in scene.assets if name is None else (name,):
+                radio.set_radio(_asset(terrain, scene, asset_name), incident)
         case JamArea():
             radio.jam(terrain.world, scene, incident)
         case GpsDrift(asset=name, rate_mps=rate, heading_deg=heading_deg):
@@ -122,10 +122,10 @@ def _restore(terrain: Terrain, asset: AssetState) -> None:
 
 def _carried(scene: Scene, name: str) -> None:
     """Record at the station that an asset was moved, so that its new position is not suspect."""
-    heard = scene.station.heard.get(name)
-    if heard is not None:
-        trust = replace(heard.trust, carried_tick=scene.tick)
-        scene.station.heard[name] = heard._replace(trust=trust)
+    record = scene.station.heard.get(name)
+    if record is not None:
+        trust = replace(record.trust, carried_tick=scene.tick)
+        scene.station.heard[name] = record._replace(trust=trust)
 
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:

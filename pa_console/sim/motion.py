@@ -289,8 +289,8 @@ def _yields(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
 def _opposed(asset: AssetState, other: AssetState) -> bool:
     """Return whether the two assets' legs lead in opposite directions."""
     mine = (asset.station[0] - asset.origin[0], asset.station[1] - asset.origin[1])
-    theirs = (other.station[0] - other.origin[0], other.station[1] - other.origin[1])
-    return mine[0] * theirs[0] + mine[1] * theirs[1] < 0.0
+    other_way = (other.station[0] - other.origin[0], other.station[1] - other.origin[1])
+    return mine[0] * other_way[0] + mine[1] * other_way[1] < 0.0
 
 
 def _cut(start: Point, way: Route, length_m: float) -> Route:

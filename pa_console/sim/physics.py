@@ -30,6 +30,7 @@ _Cell = tuple[int, int]
 CONTACT_MARGIN_M = 0.05
 _SUBSTEP_M = 0.05
 _OVERLAP_LEFT_PER_S = 1e-9
+Velocity = tuple[float, float]
 
 
 class Neighbours(NamedTuple):
@@ -77,23 +78,23 @@ class Traffic:
 
     def around(self, asset: AssetState) -> Neighbours:
         """Return the neighbours of `asset`."""
-        found = self._neighbours.get(asset.id)
-        if found is None or self._gone_m > found.until_m:
-            found = self._neighbours[asset.id] = self._look_up(asset)
-        return found
+        neighbours = self._neighbours.get(asset.id)
+        if neighbours is None or self._gone_m > neighbours.until_m:
+            neighbours = self._neighbours[asset.id] = self._look_up(asset)
+        return neighbours
 
     def _look_up(self, asset: AssetState) -> Neighbours:
-        found = Neighbours([], [], self._gone_m + _HOLDS_M)
+        neighbours = Neighbours([], [], self._gone_m + _HOLDS_M)
         x, y, widest_m = asset.x, asset.y, max(self._moving_m, self._close_m)
         for other in self._ground if len(self._ground) <= _FEW else self._in_cells(asset):
             gap = math.hypot(other.x - x, other.y - y)
             if gap > widest_m or other is asset:
                 continue
             if gap <= (self._moving_m if other.id in self._moving else self._standing_m):
-                found.near.append(other)
+                neighbours.near.append(other)
             if gap <= self._close_m:
-                found.close.append(other)
-        return found
+                neighbours.close.append(other)
+        return neighbours
 
     def _in_cells(self, asset: AssetState) -> Iterable[AssetState]:
         """Return the assets in the nine cells around `asset`; cells are reused like the lists."""
@@ -112,9 +113,6 @@ class Traffic:
 
     def _cell(self, asset: AssetState) -> _Cell:
         return math.floor(asset.x / self._cell_m), math.floor(asset.y / self._cell_m)
-
-
-Velocity = tuple[float, float]
 
 
 def move(

@@ -18,8 +18,9 @@ from pa_console.schema.telemetry import (
     Weather,
 )
 from pa_console.schema.world import World
-from pa_console.sim import integrity, radio, telemetry, tracker
+from pa_console.sim import radio, telemetry
 from pa_console.sim.scene import Heard, Report, Scene, SelfReport, StationState
+from pa_console.sim.sensing import integrity, tracker
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
@@ -49,7 +50,7 @@ class Draft(NamedTuple):
 
     def picture(self) -> Picture:
         """Return the picture."""
-        assets = {name: said.telemetry() for name, said in self.assets.items()}
+        assets = {name: report.telemetry() for name, report in self.assets.items()}
         return Picture.of_valid({**self._asdict(), "assets": assets, "links": {}, "not_ready": {}})
 
 
@@ -81,13 +82,13 @@ def receive(terrain: Terrain, scene: Scene, reports: Sequence[Report]) -> None:
     world, station = terrain.world, scene.station
     latest, period = scene.tick - _patience(world), period_ticks(world)
     for report in reports:
-        heard = station.heard[report.agent]
-        carried = heard.trust.carried_tick
-        if report.stamp <= heard.stamp or (carried is not None and report.stamp <= carried):
+        record = station.heard[report.agent]
+        carried = record.trust.carried_tick
+        if report.stamp <= record.stamp or (carried is not None and report.stamp <= carried):
             continue
-        trust = integrity.judge(world, heard, report)
-        missed = (report.stamp - heard.stamp) // period
-        marks = (heard.marks << min(missed, WINDOW) | (report.stamp >= latest)) & _ALL
+        trust = integrity.judge(world, record, report)
+        missed = (report.stamp - record.stamp) // period
+        marks = (record.marks << min(missed, WINDOW) | (report.stamp >= latest)) & _ALL
         station.heard[report.agent] = Heard(report.telemetry, report.stamp, marks, trust)
         if report.detections and not trust.suspect:
             tracker.receive(terrain, scene, report.agent, report.stamp, report.detections)
@@ -99,16 +100,16 @@ def build(terrain: Terrain, scene: Scene, names: Iterable[str]) -> Draft:
     stirred = {gate for gate in terrain.gates if gate not in station.covers}
     silences: dict[int, _Silence] = {}
     for name in names:
-        heard = station.heard[name]
-        silence = silences.get(heard.stamp)
+        record = station.heard[name]
+        silence = silences.get(record.stamp)
         if silence is None:
-            silence = silences[heard.stamp] = _silence(terrain.world, scene, heard.stamp)
+            silence = silences[record.stamp] = _silence(terrain.world, scene, record.stamp)
         before = station.shown.get(name)
-        known = _concluded(heard, silence, before, taken=name in station.manual)
-        if known is not before:
-            station.shown[name] = known
-            if before is None or known.like is not before.like:
-                update_post(scene, before.like if before else None, known.like, stirred)
+        concluded = _concluded(record, silence, before, taken=name in station.manual)
+        if concluded is not before:
+            station.shown[name] = concluded
+            if before is None or concluded.like is not before.like:
+                update_post(scene, before.like if before else None, concluded.like, stirred)
     _cover(terrain, scene, stirred)
     return Draft(
         tick=scene.tick,
@@ -126,9 +127,9 @@ def marks_of(comms: CommsStatus) -> int:
     return 0 if comms == "degraded" else _ALL
 
 
-def comms_of(heard: Heard, missing: int) -> CommsStatus:
+def comms_of(record: Heard, missing: int) -> CommsStatus:
     """Return the quality of a link; `missing` counts the latest reports that have not arrived."""
-    marks = (heard.marks << min(missing, WINDOW)) & _ALL
+    marks = (record.marks << min(missing, WINDOW)) & _ALL
     return "ok" if WINDOW - marks.bit_count() <= TOLERATED else "degraded"
 
 
@@ -149,30 +150,30 @@ def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
 
 
 def _concluded(
-    heard: Heard, silence: _Silence, shown: SelfReport | None, *, taken: bool
+    record: Heard, silence: _Silence, shown: SelfReport | None, *, taken: bool
 ) -> SelfReport:
     """Return an asset's latest report with the station's conclusions about it.
 
     With `taken`, the asset is under manual control by the station's own record.
     """
     stale, lost, missing = silence
-    whole = heard.marks == _ALL and not missing
-    comms: CommsStatus = "lost" if lost else "ok" if whole else comms_of(heard, missing)
-    said, suspect = heard.telemetry, heard.trust.suspect
-    manual = taken or said.like.manual
-    if comms == "ok" and not stale and not suspect and manual == said.like.manual:
-        return said
-    available = said.like.available and not (stale or suspect or manual) and comms != "lost"
+    whole = record.marks == _ALL and not missing
+    comms: CommsStatus = "lost" if lost else "ok" if whole else comms_of(record, missing)
+    last, suspect = record.telemetry, record.trust.suspect
+    manual = taken or last.like.manual
+    if comms == "ok" and not stale and not suspect and manual == last.like.manual:
+        return last
+    available = last.like.available and not (stale or suspect or manual) and comms != "lost"
     integrity_now = "suspect" if suspect else "ok"
     if (
         shown is not None
-        and shown.stamp_s == said.stamp_s
+        and shown.stamp_s == last.stamp_s
         and (shown.like.comms, shown.like.stale, shown.like.integrity, shown.like.manual)
         == (comms, stale, integrity_now, manual)
     ):
         return shown
-    status = "degraded" if comms != "ok" and said.like.status == "ok" else said.like.status
-    concluded = said.telemetry().model_copy(
+    status = "degraded" if comms != "ok" and last.like.status == "ok" else last.like.status
+    concluded = last.telemetry().model_copy(
         update={
             "comms": comms,
             "stale": stale,
@@ -214,16 +215,16 @@ def is_sure(asset: AssetTelemetry) -> bool:
     """Return whether an asset, if it has not failed, is reliably where it reports to be."""
     if not asset.manual:
         return asset.available
-    heard = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"
-    return heard and asset.battery_pct > 0.0
+    reliable = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"
+    return reliable and asset.battery_pct > 0.0
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
     """Update which assets are known to cover each gate, and since when none does (WF-03)."""
     station = scene.station
     for gate in terrain.gates:
-        known = station.covers.get(gate)
-        by, unsure = (known.by, known.unsure) if known is not None else ((), ())
+        before = station.covers.get(gate)
+        by, unsure = (before.by, before.unsure) if before is not None else ((), ())
         if gate in stirred:
             posted = station.at_gate.get(gate, {})
             names = sorted(posted, key=lambda name: scene.assets[name].index)
@@ -232,7 +233,7 @@ def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
         if by:
             station.covered_tick[gate] = scene.tick
         gap = terrain.seconds(scene.tick - station.covered_tick.get(gate, 0))
-        if known is None or gate in stirred or gap != known.uncovered_s:
+        if before is None or gate in stirred or gap != before.uncovered_s:
             station.covers[gate] = GateCover.of_valid(
                 {"covered": bool(by), "by": by, "uncovered_s": gap, "unsure": unsure}
             )

@@ -19,6 +19,8 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Task
 from pa_console.schema.world import AssetKind, Radio, Wall, World
 from pa_console.sim.sensing_state import ContactState, Detection, SensingState
 
+_index = attrgetter("index")
+
 
 @dataclass(frozen=True, slots=True)
 class RadioState:
@@ -276,9 +278,6 @@ class AssetState:
         self.station, self.held_by = self.position, ""
 
 
-_index = attrgetter("index")
-
-
 @dataclass(slots=True)
 class Scene:
     """The whole dynamic state: the truth, and in `station` the part that has reached the station.
@@ -344,7 +343,7 @@ class Scene:
         driven = sorted(name for name, asset in self.assets.items() if asset.manual)
         if driven or self.station.manual:
             parts = (*parts, driven, sorted(self.station.manual))
-        if plugged_in := sorted(name for name, each in self.assets.items() if each.plugged_in):
+        if plugged_in := sorted(name for name, asset in self.assets.items() if asset.plugged_in):
             parts = (*parts, "plugged in", plugged_in)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 

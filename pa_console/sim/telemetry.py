@@ -8,9 +8,10 @@ from pa_console.schema.telemetry import (
     AssetTelemetry,
     CameraReport,
 )
-from pa_console.sim import radio, sensors, tracker
+from pa_console.sim import radio
 from pa_console.sim.incidents import watch_task
 from pa_console.sim.scene import AssetState, Report, Scene, SelfReport, settle_battery
+from pa_console.sim.sensing import sensors, tracker
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -22,7 +23,7 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
     cameras are wired; an asset's detections travel with its report. Forged reports come from the
     forger, whatever the state of the asset's own link.
     """
-    found = sensors.scan(terrain, scene)
+    detected = sensors.scan(terrain, scene)
     world = terrain.world
     for asset in scene.assets.values():
         settle_battery(world, scene, asset)
@@ -32,12 +33,12 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
         if asset.spoofed is not None:
             report = Report(asset.id, scene.tick, _forged(terrain, scene, asset))
         elif radio.works(scene, asset):
-            said = report_of(terrain, scene.tick, asset)
-            report = Report(asset.id, scene.tick, said, found.get(asset.id, ()))
+            telemetry = report_of(terrain, scene.tick, asset)
+            report = Report(asset.id, scene.tick, telemetry, detected.get(asset.id, ()))
         else:
             continue
         radio.send_report(scene, asset, report, world.dt_s)
-    wired = {sensor: seen for sensor, seen in found.items() if sensor not in scene.assets}
+    wired = {sensor: seen for sensor, seen in detected.items() if sensor not in scene.assets}
     for sensor, detections in wired.items():
         tracker.receive(terrain, scene, sensor, scene.tick, detections)
     return wired
@@ -56,9 +57,9 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
     For an idle asset, only the battery and the time are new.
     """
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
-    said = asset.said
-    if said is not None and said.low_battery == low and asset.drift is None:
-        return SelfReport(said, round(asset.battery, 3), stamp_s)
+    last = asset.said
+    if last is not None and last.low_battery == low and asset.drift is None:
+        return SelfReport(last, round(asset.battery, 3), stamp_s)
     at, position = where(terrain, asset), asset.position
     if asset.drift is not None:
         position = asset.drift.applied(position, tick, terrain.world.dt_s)

@@ -18,12 +18,12 @@ from pa_console.schema.telemetry import (
     TrackStatus,
 )
 from pa_console.sim import radio
-from pa_console.sim.evidence import intent_of
 from pa_console.sim.scene import AssetState, Scene
+from pa_console.sim.sensing.evidence import intent_of
+from pa_console.sim.sensing.sensors import WEATHER
+from pa_console.sim.sensing.tracker import known_track
 from pa_console.sim.sensing_state import ContactKind, ContactState
-from pa_console.sim.sensors import WEATHER
 from pa_console.sim.telemetry import cameras_known, report_of, rounded, where
-from pa_console.sim.tracker import known_track
 from pa_console.sim.worlds.terrain import Terrain
 
 
@@ -69,17 +69,17 @@ def truth(terrain: Terrain, scene: Scene) -> Picture:
 
 def true_tracks(terrain: Terrain, scene: Scene) -> dict[str, Track]:
     """Return the exact contacts, by track id or, if untracked, by contact id."""
-    found = (_true_track(terrain, scene, contact) for contact in scene.contacts.values())
-    return {track.id: track for track in found}
+    tracks = (_true_track(terrain, scene, contact) for contact in scene.contacts.values())
+    return {track.id: track for track in tracks}
 
 
 def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
     """Return the exact contact as a track; `observed_by` and `seen_by` are the station's."""
     file = scene.sensing.files.get(contact.id)
-    known = None if file is None else known_track(terrain, scene, file)
+    track = None if file is None else known_track(terrain, scene, file)
     now_s = terrain.seconds(scene.tick)
     return Track(
-        id=contact.id if known is None else known.id,
+        id=contact.id if track is None else track.id,
         kind=contact.kind,
         gate=contact.gate,
         position=rounded(contact.position),
@@ -89,17 +89,17 @@ def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
         identity=contact.identity,
         intent=contact.intent,
         status=contact.status,
-        observed_by=known.observed_by if known else (),
-        observed=known.observed if known else False,
+        observed_by=track.observed_by if track else (),
+        observed=track.observed if track else False,
         warned=contact.warned_tick is not None,
         stamp_s=now_s,
-        first_seen_s=known.first_seen_s if known else now_s,
-        seen_by=known.seen_by if known else (),
-        hostile_by=known.hostile_by if known else (),
+        first_seen_s=track.first_seen_s if track else now_s,
+        seen_by=track.seen_by if track else (),
+        hostile_by=track.hostile_by if track else (),
         noncombatants=contact.noncombatants,
         emergency=contact.emergency,
         defiant=_defies(contact),
-        identity_claims=known.identity_claims if known else {},
+        identity_claims=track.identity_claims if track else {},
     )
 
 

@@ -147,14 +147,14 @@ class AgentProposals:
         Muting cancels the agent's undecided proposals. Raises ValueError if nothing would change.
         """
         self._require_writable()
-        known = self._desk.muted
-        if muted == (agent in known):
+        muted_agents = self._desk.muted
+        if muted == (agent in muted_agents):
             raise ValueError(f"{agent} {'is muted already' if muted else 'is not muted'}")
-        (known.add if muted else known.discard)(agent)
+        (muted_agents.add if muted else muted_agents.discard)(agent)
         self._emit(ev.AgentMuted(agent=agent, muted=muted, by=by), None)
         if not muted:
             return
-        for mission in self._intake.queue.take(lambda one: one.agent == agent):
+        for mission in self._intake.queue.take(lambda waiting: waiting.agent == agent):
             self._worker.drop(mission, f"agent {agent} was muted")
         active = self._worker.active
         if active is not None and active.mission.agent == agent and not active.moving:
@@ -164,5 +164,5 @@ class AgentProposals:
     def unclear(self, text: str) -> Unclear | None:
         """Return the unclear part of an agent's text and its answers; None if the text is clear."""
         scene = replace(self._services().scene, past=(), pointer="")
-        found = resolve(scene, self._read(text).text, {})
-        return found if isinstance(found, Unclear) else None
+        resolution = resolve(scene, self._read(text).text, {})
+        return resolution if isinstance(resolution, Unclear) else None

@@ -36,7 +36,7 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.scenario_file import LoadedScenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.clock import Clock
-from pa_console.station.earlier_session import ResumedSession
+from pa_console.station.earlier.unclosed_session import ResumedSession
 from pa_console.station.rules_in_force import RulesWatch
 from pa_console.station.station import ControlStation
 

@@ -41,8 +41,8 @@ def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture)
     """
     if mission.subject in picture.tracks:
         return [picture.tracks[mission.subject]]
-    told = f"{mission.text} {request.asked} {request.plan.reason}"
-    words = set(re.findall(r"\w+", told))
+    text = f"{mission.text} {request.asked} {request.plan.reason}"
+    words = set(re.findall(r"\w+", text))
     named = [track for name, track in picture.tracks.items() if name in words]
     places = {action.target for action in request.plan.actions} | {mission.gate}
     there = named or [track for track in picture.tracks.values() if track.gate in places]
@@ -103,7 +103,7 @@ class CameraStills:
             picture = self._fleet.picture()
             if track not in picture.tracks:
                 concerned = tracks_of(request, mission, picture)
-                seen = (each.id for each in concerned if camera_of(self._fleet, picture, each))
+                seen = (item.id for item in concerned if camera_of(self._fleet, picture, item))
                 track = next(seen, "")
             if track:
                 await self._take(track, mission.id)
@@ -119,8 +119,8 @@ class CameraStills:
     async def _take(self, track: str, mission: str | None) -> ev.CameraStill | None:
         """Take, keep and emit a still; if that fails, the emitted still has the problem instead."""
         picture = self._fleet.picture()
-        known = picture.tracks.get(track)
-        camera = camera_of(self._fleet, picture, known) if known is not None else None
+        seen = picture.tracks.get(track)
+        camera = camera_of(self._fleet, picture, seen) if seen is not None else None
         if camera is None:
             return None
         still = ev.CameraStill(track=track, camera=camera, taken_s=self._fleet.time_s)

@@ -148,8 +148,8 @@ class Ticking:
         for payload in self._emergency_stop.step((self._fleet.tick, received.replies)):
             self._emit(payload, None)
         self._feed.publish(self._fleet.tick, received.replies)
-        for told in received.told:
-            self.happened(told)
+        for event in received.told:
+            self.happened(event)
         for signed in received.countersigned:
             self._worker.countersign(signed)
 
@@ -167,10 +167,10 @@ class Ticking:
             text = f"the picture may be out of date, STOP works: internal error: {fault}"[:500]
             self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
 
-    def happened(self, told: ev.IncidentHappened | ev.Noticed) -> None:
+    def happened(self, event: ev.IncidentHappened | ev.Noticed) -> None:
         """Emit an event of the fleet; a `worker` incident also ends the model's process."""
-        self._emit(told, None)
-        if isinstance(told, ev.IncidentHappened) and told.incident.kind == "worker":
+        self._emit(event, None)
+        if isinstance(event, ev.IncidentHappened) and event.incident.kind == "worker":
             self._services.engine.kill_worker()
 
     def _wanted(self) -> bool:
@@ -218,24 +218,24 @@ class Ticking:
         standing = self._services.standing
         standing.time.take(picture.time_s, self._clock.rate, stepped=self._clock.waits)
         busy = self._worker.handled | self._intake.subjects
-        for found in standing.look(picture, busy, stopped=stopped):
-            match found:
+        for start in standing.look(picture, busy, stopped=stopped):
+            match start:
                 case Due():
-                    mission, received = self._intake.start(found)
-                    standing.started(mission.id, found)
+                    mission, received = self._intake.start(start)
+                    standing.started(mission.id, start)
                     self._emit(received, mission.id)
-                    late_s = found.late_s if found.late_s >= LATE_S else 0.0
+                    late_s = start.late_s if start.late_s >= LATE_S else 0.0
                     began = ev.StandingOrderStarted(
-                        order_id=found.order.id, subject=found.subject, late_s=late_s
+                        order_id=start.order.id, subject=start.subject, late_s=late_s
                     )
                     self._emit(began, mission.id)
                 case Withheld(order, subject, reason):
-                    told = ev.StandingOrderWithheld(
+                    withheld = ev.StandingOrderWithheld(
                         order_id=order.id, subject=subject, reason=reason
                     )
-                    self._emit(told, None)
+                    self._emit(withheld, None)
                 case Ended(order):
                     over = ev.StandingOrderRevoked(order_id=order.id, by=BY_CLOCK, reason=OVER)
                     self._emit(over, None)
                 case ev.StandingOrderScheduled():
-                    self._emit(found, None)
+                    self._emit(start, None)

@@ -153,7 +153,7 @@ class StandingControl:
     def _revoke(self, order_id: str, by: str) -> None:
         self._standing.revoke(order_id)
         self._emit(ev.StandingOrderRevoked(order_id=order_id, by=by), None)
-        for mission in self._queue.take(lambda one: one.standing == order_id):
+        for mission in self._queue.take(lambda waiting: waiting.standing == order_id):
             self._worker.drop(mission, f"standing order {order_id} was revoked")
         self._worker.queue_changed()
 

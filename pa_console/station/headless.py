@@ -17,6 +17,15 @@ The session continues while it decides.
 """
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
+EXIT_CODES: dict[MissionStatus, int] = {
+    "verified": 0,
+    "unverified": 4,
+    "refused": 3,
+    "rejected": 3,
+    "held": 3,
+    "cancelled": 3,
+    "failed": 1,
+}
 
 
 async def run_missions(  # noqa: PLR0917
@@ -98,33 +107,33 @@ class _Answers:
 
     def __init__(self, station: ControlStation, approver: Approver) -> None:
         self._station, self._approver = station, approver
-        self._asked: ev.ApprovalRequested | None = None
+        self._request: ev.ApprovalRequested | None = None
         self._given: Decision | None = None
 
-    async def decide(self, asked: ev.ApprovalRequested) -> None:
-        """Pass on the approver's decision on `asked`, unless no plan waits any more."""
-        self._asked = asked
+    async def decide(self, request: ev.ApprovalRequested) -> None:
+        """Pass on the approver's decision on `request`, unless no plan waits any more."""
+        self._request = request
         if self._station.awaits_decision:
-            self._give(await self._decision(asked))
+            self._give(await self._decision(request))
 
     async def decide_again(self, problem: str) -> None:
         """Decide again, because the last decision was not accepted.
 
         The same decision would be refused forever, so the plan is rejected instead.
         """
-        if self._asked is None or not self._station.awaits_decision:
+        if self._request is None or not self._station.awaits_decision:
             return
-        decision = await self._decision(self._asked)
+        decision = await self._decision(self._request)
         if decision == self._given:
             decision = Decision(
                 kind="reject", request_id=decision.request_id, by=decision.by, reason=problem
             )
         self._give(decision)
 
-    async def _decision(self, asked: ev.ApprovalRequested) -> Decision:
-        said = self._approver(asked)
-        decision = said if isinstance(said, Decision) else await said
-        return decision.model_copy(update={"request_id": asked.request_id})
+    async def _decision(self, request: ev.ApprovalRequested) -> Decision:
+        answer = self._approver(request)
+        decision = answer if isinstance(answer, Decision) else await answer
+        return decision.model_copy(update={"request_id": request.request_id})
 
     def _give(self, decision: Decision) -> None:
         """Pass on a decision, unless the plan has stopped waiting in the meantime."""
@@ -169,17 +178,6 @@ async def _watched(
             await watching
     finally:
         watching.cancel()
-
-
-EXIT_CODES: dict[MissionStatus, int] = {
-    "verified": 0,
-    "unverified": 4,
-    "refused": 3,
-    "rejected": 3,
-    "held": 3,
-    "cancelled": 3,
-    "failed": 1,
-}
 
 
 def exit_code(statuses: Sequence[MissionStatus | None]) -> int:

@@ -22,7 +22,7 @@ from pa_console.schema.mission import (
 from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.station.alarms import MOST_ALIKE, AlarmBook
+from pa_console.station.alarms.alarm_book import MOST_ALIKE, AlarmBook
 from pa_console.station.mission_queue import MissionQueue
 
 LEAST_LETTERS = 3
@@ -75,7 +75,7 @@ class Intake:
         self.alarms, self.queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
-        self._told: tuple[tuple[str, str, bool], ...] = ()
+        self._emitted: tuple[tuple[str, str, bool], ...] = ()
         self._postponed: set[str] = set()
         """Open alarms that get a mission once there is room."""
 
@@ -94,7 +94,7 @@ class Intake:
                 case ev.AlarmRaised(alarm=alarm) if not stopped:
                     arrivals.payloads += self._answers([alarm], handled)
                 case ev.AlarmCleared(alarm_id=alarm_id):
-                    arrivals.obsolete += self.queue.take(lambda one: one.alarm == alarm_id)
+                    arrivals.obsolete += self.queue.take(lambda mission: mission.alarm == alarm_id)
                 case _:
                     pass
         alarms = self.alarms.open
@@ -117,11 +117,12 @@ class Intake:
         The open alarms whose ids are in `again` become missions again. Returns the events to emit.
         """
         self.alarms, self._count = alarms, count
-        known = {alarm.id: alarm for alarm in alarms.open}
+        open_alarms = {alarm.id: alarm for alarm in alarms.open}
         self.queue.resume(
-            [e for e in entries if not e.mission.alarm or e.mission.alarm in known], known
+            [e for e in entries if not e.mission.alarm or e.mission.alarm in open_alarms],
+            open_alarms,
         )
-        return self._answers([known[name] for name in again if name in known], ())
+        return self._answers([open_alarms[name] for name in again if name in open_alarms], ())
 
     def submit(
         self,
@@ -222,8 +223,8 @@ class Intake:
         """Yield the queue if its order, a priority or a deferral has changed since last time."""
         entries = self.queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
-        if order != self._told:
-            self._told = order
+        if order != self._emitted:
+            self._emitted = order
             yield ev.QueueChanged(entries=entries)
 
     def _answers(
@@ -241,13 +242,13 @@ class Intake:
             wanted = self._respond and alarm.command and alarm.subject not in handled
             if not wanted or alarm.id in queued:
                 continue
-            same = sensors.get(alarm.id)
-            full = same is not None and alike[same] >= MOST_ALIKE
+            group = sensors.get(alarm.id)
+            full = group is not None and alike[group] >= MOST_ALIKE
             if full or len(queued) >= MOST_FROM_ALARMS:
                 self._postponed.add(alarm.id)
                 continue
             queued.add(alarm.id)
-            alike[same] += 1
+            alike[group] += 1
             made.append(self._mission_for(alarm))
         return made
 

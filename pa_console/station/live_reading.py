@@ -38,7 +38,8 @@ from pa_console.schema.events.event import Role
 from pa_console.schema.mission import MAX_MISSION_TEXT, Decision, Mission
 from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.telemetry import Digest, Picture
-from pa_console.session.mission_trace import MissionTrace, apply_to_mission
+from pa_console.session.mission_fold import apply_to_mission
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.station.intake import ReadText
 from pa_console.views.waiting import reading_line
 
@@ -59,6 +60,8 @@ _MEASURED = re.compile(r"\b\d+ [ms]\b")
 ShowReading = Callable[[str, str], None]
 """A function that shows a text and the line about its reading; two empty texts withdraw the
 line."""
+ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
+TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class _Situation(NamedTuple):
@@ -234,10 +237,6 @@ def _no_verdicts() -> OutcomeVerdicts:
     return OutcomeVerdicts(start, between_missions=False)
 
 
-ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
-TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
-
-
 class ReadAhead:
     """The reading of the beginnings of coming prompts; a real prompt interrupts it."""
 
@@ -287,11 +286,11 @@ class ReadAhead:
             case ev.PlanRehearsed(attempt=attempt, rehearsal=rehearsal):
                 self._rehearsals[attempt] = rehearsal
             case ev.DecisionMade(accepted=True, attempt=attempt, decision=decision):
-                found = self._rehearsals.get(attempt) if decision.kind == "approve" else None
-                tracks = found.timeline.tracks.values() if found is not None else ()
+                approved = self._rehearsals.get(attempt) if decision.kind == "approve" else None
+                tracks = approved.timeline.tracks.values() if approved is not None else ()
                 due = any(t.identified_s is not None and t.warned_s is None for t in tracks)
-                if found is not None and due and self._unasked:
-                    self._foreseen = found.after
+                if approved is not None and due and self._unasked:
+                    self._foreseen = approved.after
                     self._wanted.set()
             case _:
                 pass
@@ -318,8 +317,8 @@ class ReadAhead:
             services = self._services
             scene = services.scene
             read = read_words(text.rpartition(" ")[0], scene.world, services.rulebook)
-            found = resolve(scene, read, {})
-            read = read if isinstance(found, Unclear) else found.text
+            resolution = resolve(scene, read, {})
+            read = read if isinstance(resolution, Unclear) else resolution.text
             for role in TYPING_ROLES:
                 await self._warm(services.engine, role, read)
             second = services.engine.second_reader

@@ -98,8 +98,8 @@ class MissionQueue:
 
     def take(self, which: Callable[[Mission], bool] = lambda _: True) -> tuple[Mission, ...]:
         """Take out and return the missions that `which` is true of, by default all; next first."""
-        found = [entry.mission for entry in self._order() if which(entry.mission)]
-        return tuple(self.remove(mission.id) for mission in found)
+        missions = [entry.mission for entry in self._order() if which(entry.mission)]
+        return tuple(self.remove(mission.id) for mission in missions)
 
     def defer(self, mission_id: str, deferred: bool = True) -> None:
         """Let everything else go before a mission, or no longer; ValueError if it does not wait."""
@@ -138,10 +138,10 @@ class MissionQueue:
 
     def refresh(self, alarms: Iterable[Alarm]) -> None:
         """Take priorities and distances from the alarms as they stand now."""
-        known = {alarm.id: alarm for alarm in alarms}
+        by_id = {alarm.id: alarm for alarm in alarms}
         for entry in self._waiting.values():
             if entry.alarm is not None:
-                entry.alarm = known.get(entry.alarm.id, entry.alarm)
+                entry.alarm = by_id.get(entry.alarm.id, entry.alarm)
 
     @property
     def missions(self) -> tuple[Mission, ...]:
@@ -188,8 +188,8 @@ class MissionQueue:
 
     def _find(self, mission_id: str) -> _Waiting:
         if mission_id not in self._waiting:
-            known = ", ".join(self._waiting) or "none"
-            raise ValueError(f"{mission_id} does not wait; waiting: {known}")
+            waiting = ", ".join(self._waiting) or "none"
+            raise ValueError(f"{mission_id} does not wait; waiting: {waiting}")
         return self._waiting[mission_id]
 
     def _release(self, mission_id: str) -> None:
@@ -220,20 +220,20 @@ def _reason(entry: _Waiting, before: _Waiting | None) -> str:
     if entry.moved:
         return f"{entry.priority}, moved here by the operator"
     alarm = entry.alarm
-    what = "the operator's own mission" if entry.mission.source == "operator" else entry.priority
+    origin = "the operator's own mission" if entry.mission.source == "operator" else entry.priority
     if entry.mission.standing:
-        what = f"started by standing order {entry.mission.standing}"
+        origin = f"started by standing order {entry.mission.standing}"
     if entry.mission.agent:
-        what = entry.mission.origin
+        origin = entry.mission.origin
     if alarm is not None and alarm.distance_m is not None:
-        what += f", {alarm.distance_m:.0f} m from {alarm.gate or 'its gate'}"
+        origin += f", {alarm.distance_m:.0f} m from {alarm.gate or 'its gate'}"
     if entry.priority == "emergency" and before is None:
-        return f"{what}: an emergency goes before everything else (WF-04)"
+        return f"{origin}: an emergency goes before everything else (WF-04)"
     if alarm is not None and alarm.kind == "low_battery":
-        return f"{what}: a low battery waits until the active mission is over (WF-05)"
+        return f"{origin}: a low battery waits until the active mission is over (WF-05)"
     if before is None:
-        return f"{what}: next"
-    return f"{what}: {_comparison(entry, before)}"
+        return f"{origin}: next"
+    return f"{origin}: {_comparison(entry, before)}"
 
 
 def _comparison(entry: _Waiting, before: _Waiting) -> str:

@@ -23,6 +23,7 @@ Key = tuple[str, str]
 """A subject and one of its properties."""
 LOOK_S = 0.5
 """The interval between two requests for reports, in seconds of wall time."""
+_ADMITTED = get_args(ev.OutsideReport)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ class Noticer:
 
     def __init__(self, picture: Picture) -> None:
         """Treat everything in `picture` as already reported."""
-        self._told: dict[Key, Value | None] = {
+        self._values: dict[Key, Value | None] = {
             (fact.subject, fact.topic): fact.value for fact in _facts(picture)
         }
         self._since: dict[Key, tuple[Value, float]] = {}
@@ -55,18 +56,18 @@ class Noticer:
 
     def knows_manual(self, asset: str, *, manual: bool) -> None:
         """Treat the manual control of `asset`, or its end, as already reported."""
-        self._told[asset, MANUAL] = manual
+        self._values[asset, MANUAL] = manual
 
     def look(self, picture: Picture) -> list[Noticed]:
         """Return the changes that the operator should see now."""
         now_s = picture.time_s
         news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
-        told = [fact for fact in news if fact.text]
-        return [*_grouped(told), *self._gone(picture)]
+        facts = [fact for fact in news if fact.text]
+        return [*_grouped(facts), *self._gone(picture)]
 
     def _is_news(self, fact: _Fact, now_s: float) -> bool:
         key = (fact.subject, fact.topic)
-        if self._told.setdefault(key, fact.at_first) == fact.value:
+        if self._values.setdefault(key, fact.at_first) == fact.value:
             self._since.pop(key, None)
             return False
         value, since_s = self._since.get(key, (fact.value, now_s))
@@ -76,7 +77,7 @@ class Noticer:
             self._since[key] = (fact.value, since_s)
             return False
         self._since.pop(key, None)
-        self._told[key] = fact.value
+        self._values[key] = fact.value
         return True
 
     def _gone(self, picture: Picture) -> Iterator[Noticed]:
@@ -85,11 +86,11 @@ class Noticer:
         for name, seen_s in list(self._tracks.items()):
             if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
                 del self._tracks[name]
-                known = [key for key in self._told if key[0] == name]
-                if self._told.get((name, "presence")) is not None:
+                keys = [key for key in self._values if key[0] == name]
+                if self._values.get((name, "presence")) is not None:
                     yield Noticed(level="info", subject=name, text="track is gone")
-                for key in known:
-                    del self._told[key]
+                for key in keys:
+                    del self._values[key]
                     self._since.pop(key, None)
 
 
@@ -151,14 +152,14 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
 def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
     """Yield a track's presence, identity and behaviour."""
     name = track.id
-    known = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
-    yield _Fact(name, "presence", True, None, "alarm", known)
+    words = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
+    yield _Fact(name, "presence", True, None, "alarm", words)
     seen = "observed by a UAV" if track.observed else ""
     yield _Fact(name, "observed", track.observed, False, "info", seen)
     text = f"identified as {track.identity}" if track.identity != "unknown" else "identity unknown"
     yield _Fact(name, "identity", track.identity, track.identity, "warning", text)
-    said = f"{track.dispute}; have another robot identify it" if track.dispute else ""
-    yield _Fact(name, "dispute", track.dispute, "", "warning", said)
+    dispute = f"{track.dispute}; have another robot identify it" if track.dispute else ""
+    yield _Fact(name, "dispute", track.dispute, "", "warning", dispute)
     hostile = track.intent == "hostile"
     by = f", {' and '.join(track.hostile_by)} say so" if hostile and track.hostile_by else ""
     level: Level = "alarm" if hostile else "info"
@@ -196,9 +197,6 @@ def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
         yield Noticed(level=first.level, subject=first.subject, text=text)
 
 
-_ADMITTED = get_args(ev.OutsideReport)
-
-
 class Outside(Protocol):
     """A source of reports."""
 
@@ -214,11 +212,11 @@ async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) ->
     """
     while True:
         try:
-            told = [report for report in outside.news() if isinstance(report, _ADMITTED)]
+            reports = [report for report in outside.news() if isinstance(report, _ADMITTED)]
         except Exception as error:  # an outside report must not end the session
             text = f"nothing more is taken from outside: {type(error).__name__}: {error}"
             emit(ev.Noticed(level="warning", subject="TAK", text=text))
             return
-        for report in told:
+        for report in reports:
             emit(report)
         await asyncio.sleep(LOOK_S)

@@ -7,12 +7,8 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
-from pa_console import __version__
 from pa_console.fleets.fleet import MapsGround, PlanCountersignature, Simulated
-from pa_console.language.orders.order_changes import ManualWords, OrderChange, read_manual
 from pa_console.language.questions import Question
-from pa_console.language.references.conversation import Unclear, corrects
-from pa_console.language.references.scene import ReferenceScene
 from pa_console.mission.context import Services
 from pa_console.mission.examine import Examination, examine
 from pa_console.mission.execution.dispatch import StepFeed
@@ -23,7 +19,7 @@ from pa_console.policy.retriever import Retriever
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import Incident
-from pa_console.schema.mission import Decision, Metrics, Mission
+from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Plan
 from pa_console.schema.rehearsal import RehearsedReading
 from pa_console.schema.world import Background as GroundMap
@@ -36,19 +32,18 @@ from pa_console.station.answers.alternatives import (
     rehearse_other_ways,
     rehearse_reading,
 )
-from pa_console.station.answers.answering import IS_QUESTION, RecentRecord, answer
+from pa_console.station.answers.answering import RecentRecord, answer
 from pa_console.station.camera_stills import CameraStills
 from pa_console.station.clock import Clock, Ticking
 from pa_console.station.control import ManualAssets, StandingControl
-from pa_console.station.earlier_session import LeftMissions, ResumedSession, UnclosedSession
-from pa_console.station.intake import IS_STOPPED, Intake, ReadText, read_text
+from pa_console.station.earlier.session_start import SessionStart
+from pa_console.station.earlier.unclosed_session import ResumedSession
+from pa_console.station.intake import Intake
 from pa_console.station.live_reading import LiveReading, ReadAhead, ShowReading
 from pa_console.station.notices import Outside, pass_on
+from pa_console.station.order_entry import OrderEntry
 from pa_console.station.rules_in_force import RulesReload, RulesWatch
 from pa_console.station.worker import Background, MissionWorker, StationParts
-
-INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
-NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
 
 
 class ControlStation:
@@ -76,8 +71,6 @@ class ControlStation:
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
-        self._taken: ev.CommandTaken | None = None
-        self._left = LeftMissions()
         self._outside: list[Outside] = []
         self._fleet, self._journal = services.fleet, services.journal
         self._feed = StepFeed()
@@ -93,41 +86,46 @@ class ControlStation:
         self._worker = MissionWorker(parts)
         self._ahead = ReadAhead(services, unasked=read_unasked)
         self._reload = RulesReload(services, watch, self._emit, self._worker, self._ahead)
-        self._live = LiveReading(lambda: self._reload.services, self._order_in, self._may_read_live)
-        self.proposals = AgentProposals(
-            parts,
-            self._worker,
-            lambda: self._reload.services,
-            self._read,
-            self._writable,
-            resumed.before.state.muted_agents if resumed else (),
-        )
-        """The agents' proposals."""
-        self.mute_agent = self.proposals.mute
         self.manual = ManualAssets(
             parts, self._writable, self._look_now, self._worker.queue_changed
         )
         """The assets under manual control."""
         self._standing = StandingControl(parts, self._worker, self._writable)
         self.change_standing = self._standing.change
+        self._orders = OrderEntry(
+            parts,
+            self._worker,
+            lambda: self._reload.services,
+            self.manual,
+            self._standing,
+            self._writable,
+        )
+        self.submit, self.question_in = self._orders.submit, self._orders.question_in
+        self.move, self.defer = self._orders.move, self._orders.defer
+        self.withdraw = self._orders.withdraw
+        self.let_next_go_first = self._orders.let_next_go_first
+        self._live = LiveReading(
+            lambda: self._reload.services, self._orders.mission_in, self._may_read_live
+        )
+        self.proposals = AgentProposals(
+            parts,
+            self._worker,
+            lambda: self._reload.services,
+            self._orders.read,
+            self._writable,
+            resumed.before.state.muted_agents if resumed else (),
+        )
+        """The agents' proposals."""
+        self.mute_agent = self.proposals.mute
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
         self._policy = ""
         self._stills: CameraStills | None = None
         self._record = RecentRecord(deepcopy(resumed.before.state) if resumed else SessionState())
-        self._again: list[tuple[ev.EventPayload, str]] = []
-        """The events with which missions of open alarms begin again, each with its mission."""
-        if resumed is not None:
-            before = resumed.before
-            missions = before.state.missions.values()
-            self._gate.resume(resumed.stops, stopped=before.state.stop is not None)
-            self.manual.take_up(before.manual, before.awaiting)
-            services.standing.skip_ids(one.standing.order.id for one in missions if one.standing)
-            unanswered = [one.mission.alarm for one in before.interrupted if one.mission.alarm]
-            self._again = self._intake.take_up(
-                resumed.alarms, before.waiting, len(missions), unanswered
-            )
-        self._last_read: tuple[tuple[str, ReferenceScene, Rulebook], ReadText] | None = None
+        self._start = SessionStart(
+            parts, self._worker, self.manual, self.stop_all, started, resumed
+        )
+        self.succeed = self._start.succeed
         self._ending: asyncio.Task[None] | None = None
         self.failure = ""
         """The internal error that ended the session; '' for none."""
@@ -206,28 +204,12 @@ class ControlStation:
         """Emit the reports of `outside`, if any, in the session as well; call this before `run`."""
         self._outside += [outside] if outside is not None else []
 
-    def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
-        """Record the takeover with which this session begins; call this before `run`.
-
-        Undispatched missions that the other session `left` are queued here; that dispatches
-        nothing.
-        """
-        self._taken, self._left = taken, left
-
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield every event of the session until `close`; stopping the iteration closes it too.
 
         In either case, the log ends with the end of the session.
         """
-        if self._resumed is None:
-            self._emit(self._started)
-            if self._taken is not None:
-                self._emit(self._taken)
-            self._emit(ev.TelemetryReceived(picture=self._ticking.first))
-            if self._taken is not None:
-                self._take_over(self._taken.station, self._left)
-        else:
-            self._go_on(self._resumed.before)
+        self._start.begin(self._ticking.first)
         if problem := self._gate.objection(self._services.rulebook):
             self._emit(ev.Noticed(level="alarm", subject="keys", text=problem))
         self._services.engine.on_state = self.worker_changed
@@ -244,7 +226,7 @@ class ControlStation:
         ):
             self._background.start(work)
         if self._resumed is None and not self.readonly and self._policy:
-            self._offer(self._policy)
+            self._orders.offer(self._policy)
         for outside in self._outside:
             self._background.start(pass_on(outside, self._emit))
         try:
@@ -261,44 +243,6 @@ class ControlStation:
     def offer_at_start(self, policy: str) -> None:
         """Offer a standing order of the world to the operator when a new session begins."""
         self._policy = policy
-
-    def _offer(self, policy: str) -> None:
-        mission, received = self._intake.submit(self._read(policy), active=False, offered=True)
-        self._emit(received, mission.id)
-        self._worker.queue_changed()
-
-    def _go_on(self, before: UnclosedSession) -> None:
-        """Emit that the session continues and queue its waiting missions; nothing is dispatched."""
-        interrupted = tuple(trace.mission.id for trace in before.interrupted)
-        given = [each.order.id for each in before.state.standing.values() if each.in_force]
-        started = before.started_by_standing
-        self._emit(ev.SessionResumed(version=__version__, interrupted=interrupted))
-        self._emit(ev.TelemetryReceived(picture=self._ticking.first))
-        for name in interrupted:
-            held = ev.MissionFinished(status="held", reason=INTERRUPTED, metrics=Metrics())
-            self._emit(held, name)
-        for name in given:
-            self._emit(ev.StandingOrderRevoked(order_id=name, by="the console", reason=NOT_KEPT))
-        for name in started:
-            held = ev.MissionFinished(status="held", reason=NOT_KEPT, metrics=Metrics())
-            self._emit(held, name)
-        for payload, mission in self._again:
-            self._emit(payload, mission)
-        self._worker.queue_changed()
-
-    def _take_over(self, station: str, left: LeftMissions) -> None:
-        """Emit the relieved `station`'s open missions and queue the undispatched ones."""
-        for text in left.notices(station):
-            self._emit(ev.Noticed(level="warning", subject="command", text=text))
-        for asset, by in left.manual:
-            self.manual.take(asset, f"{by} at {station}")
-        if left.stopped:
-            self.stop_all(station)
-            return
-        for mission in left.again:
-            again, received = self._intake.wait_again(mission)
-            self._emit(received, again.id)
-        self._worker.queue_changed()
 
     async def reload_rules(self) -> None:
         """Load the rules from their file again; if that fails, emit the reason."""
@@ -327,11 +271,6 @@ class ControlStation:
         """
         self._live.show_in(show)
 
-    def _order_in(self, text: str) -> ReadText | None:
-        """Return `text` as it is read; None for a question or a change that is made at once."""
-        order = self._read(text)
-        return order if order.question is None and self._change_in(order) is None else None
-
     def _may_read_live(self) -> bool:
         """Return whether a new mission would begin at once and the models are idle."""
         taken = not (self.readonly or self.stopped or self._closed)
@@ -348,94 +287,19 @@ class ControlStation:
         """
         await self._ahead.read_now(text)
 
-    def question_in(self, text: str) -> Question | None:
-        """Return the question about the record in `text`, for `answer`; None for an order."""
-        return self._read(text).question
-
-    def _read(self, text: str) -> ReadText:
-        """Return a text as it is read; the last result is reused in the same situation.
-
-        A front end asks whether a text is a question, and then submits it.
-        """
-        services = self._reload.services
-        now = (text, services.scene, services.rulebook)
-        if self._last_read is None or self._last_read[0] != now:
-            self._last_read = now, read_text(*now)
-        return self._last_read[1]
-
     async def answer(
-        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
+        self, question: Question, show: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from the record of this session.
 
         Other plans are checked and rehearsed if the question asks for them; each is passed to
-        `found` as soon as it is ready. Nothing is decided, and no asset moves.
+        `show` as soon as it is ready. Nothing is decided, and no asset moves.
         """
         self._live.give_way()
-        given = await answer(self._reload.services, question, self._record.state, found)
+        answered = await answer(self._reload.services, question, self._record.state, show)
         if not self._closed:
-            self._emit(given.told, given.mission or None)
-        return given.told
-
-    def submit(self, text: str) -> Mission:
-        """Queue a mission (paper, Step 1); raises ValueError if it is not accepted.
-
-        A question about the record is not accepted. A change that takes effect at once is carried
-        out and recorded as a mission.
-        """
-        self._writable()
-        order = self._read(text)
-        change = self._change_in(order)
-        if isinstance(change, Unclear):
-            raise ValueError(change.question)
-        if change is not None:
-            return self._change(order, change)
-        if self.stopped:
-            raise ValueError(IS_STOPPED)
-        if order.question is not None:
-            raise ValueError(IS_QUESTION)
-        if corrected := self._corrected(order):
-            withdrawn = Decision(kind="reject", reason=f"corrected: “{order.typed}”")
-            self._worker.decide(withdrawn)
-            if corrected == "takes back":
-                return self._done_at_once(order, "the plan that waited is withdrawn")
-        mission, received = self._intake.submit(order, self._worker.busy)
-        self._emit(received, mission.id)
-        self._worker.queue_changed()
-        return mission
-
-    def _corrected(self, order: ReadText) -> str:
-        """Return how `order` corrects the operator's own waiting plan; '' if it does not."""
-        active = self._worker.active
-        if active is None or not self._worker.awaits_decision or not active.proposes:
-            return ""
-        return corrects(order.text) if active.mission.source == "operator" else ""
-
-    def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return the change of a standing order or of manual control in a text; None for none."""
-        change = self._standing.read(order.text)
-        if change is not None or order.question is not None:
-            return change
-        return read_manual(self._services.scene, order.text, self._gate.manual.taken)
-
-    def _change(self, order: ReadText, change: OrderChange | ManualWords) -> Mission:
-        """Carry out an operator's change at once and record it as a mission.
-
-        Raises ValueError if the change is not possible.
-        """
-        if isinstance(change, OrderChange):
-            reason = self._standing.carry_out(change)
-        else:
-            reason = self.manual.change(change)
-        return self._done_at_once(order, reason)
-
-    def _done_at_once(self, order: ReadText, reason: str) -> Mission:
-        """Record an order that was carried out at once as a finished mission."""
-        mission, received = self._intake.submit(order, active=False, waits=False)
-        self._emit(received, mission.id)
-        ended = ev.MissionFinished(status="verified", reason=reason, metrics=Metrics())
-        self._emit(ended, mission.id)
-        return mission
+            self._emit(answered.event, answered.mission or None)
+        return answered.event
 
     async def examine(self, plan: Plan, text: str = "") -> Examination:
         """Check and rehearse a plan in the present picture, without queuing or deciding anything.
@@ -467,25 +331,25 @@ class ControlStation:
             raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
         self._worker.countersign(signed)
 
-    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+    async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
         """Rehearse a plan for another reading of a mission, without deciding anything.
 
         The result is None if the console has no plan for it.
         """
-        return await rehearse_reading(self._reload.services, mission, asked)
+        return await rehearse_reading(self._reload.services, mission, words)
 
     async def foresee(self, text: str) -> str:
         """Return the line on how an order is read and planned now; nothing is logged or decided."""
         return await self._live.line(text)
 
     def other_ways(
-        self, mission: Mission, asked: str, but: Plan
+        self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
         """Rehearse other plans than `but` for the same reading of a mission.
 
         No model is asked, and nothing is decided.
         """
-        return rehearse_other_ways(self._reload.services, mission, asked, but)
+        return rehearse_other_ways(self._reload.services, mission, words, but)
 
     def cancel(self) -> None:
         """Cancel the active mission; assets under way for it go to a safe state.
@@ -499,27 +363,6 @@ class ControlStation:
         """Record that `by` has seen an alarm; raises ValueError for an unknown one."""
         self._writable()
         self._emit(self._intake.alarms.acknowledge(alarm_id, by))
-
-    def move(self, mission_id: str, by: int) -> None:
-        """Move a waiting mission by `by` places in the queue; ValueError if it does not wait."""
-        self._reorder(lambda: self._intake.move(mission_id, by))
-
-    def let_next_go_first(self) -> None:
-        """Move the next mission ahead of the active one, which then waits again.
-
-        Raises ValueError if no mission waits, or an asset is already moving for the active one.
-        """
-        self._writable()
-        self._worker.let_next_go_first()
-
-    def defer(self, mission_id: str) -> None:
-        """Move a waiting mission behind all others; raises ValueError if it does not wait."""
-        self._reorder(lambda: self._intake.queue.defer(mission_id))
-
-    def withdraw(self, mission_id: str) -> None:
-        """Cancel a waiting mission; raises ValueError if it does not wait."""
-        reason = "withdrawn by the operator"
-        self._reorder(lambda: self._worker.drop(self._intake.queue.remove(mission_id), reason))
 
     def _stop_for(self, by: str) -> None:
         """Stop all assets at the request of another station, unless they are already stopped."""
@@ -627,11 +470,6 @@ class ControlStation:
     def _writable(self) -> None:
         if self.readonly:
             raise ValueError("this console is read-only: commands are refused")
-
-    def _reorder(self, change: Callable[[], None]) -> None:
-        self._writable()
-        change()
-        self._worker.queue_changed()
 
     def _emit(self, payload: ev.EventPayload, mission: str | None = None) -> None:
         event = ev.Event(t=datetime.now(UTC), tick=self._fleet.tick, mission=mission, data=payload)

@@ -23,6 +23,8 @@ UNANSWERED_S = 60.0
 """The wait in seconds after which an unanswered plan gives way to a mission that needs no
 approval."""
 NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
+EmitFor = Callable[[ev.EventPayload, str | None], None]
+"""A function that emits an event for the mission with the given id, or for none."""
 
 
 class Background:
@@ -51,10 +53,6 @@ class Background:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             self._on_failure(error)
-
-
-EmitFor = Callable[[ev.EventPayload, str | None], None]
-"""A function that emits an event for the mission with the given id, or for none."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class MissionWorker:
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
         self._asked_at_s = 0.0
         """The time of the last approval request, on the fleet's clock."""
-        self._asked: set[str] = set()
+        self._requested: set[str] = set()
         """The open missions whose approval was requested."""
         self._first = ""
         """The mission that was last moved ahead of another."""
@@ -213,7 +211,9 @@ class MissionWorker:
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
         # A mission that was moved ahead keeps its turn: the other has had its chance of an answer.
-        kept = mission.id == self._first and entry is not None and entry.mission.id in self._asked
+        kept = (
+            mission.id == self._first and entry is not None and entry.mission.id in self._requested
+        )
         if entry is not None and not kept:
             self._give_way(self._run, self._work, entry.mission.id, entry.reason)
         elif not self._gives_way and (unasked := self._unasked(picture.time_s)) is not None:
@@ -244,7 +244,7 @@ class MissionWorker:
             return None
         for entry in self._intake.queue.entries:
             order = self._services.standing.find(entry.mission.standing)
-            if order is not None and order.unasked and entry.mission.id not in self._asked:
+            if order is not None and order.unasked and entry.mission.id not in self._requested:
                 return entry.mission
         return None
 
@@ -263,7 +263,7 @@ class MissionWorker:
     def drop(self, mission: Mission, reason: str) -> None:
         """End a waiting mission that will not be carried out."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
-        self._asked.discard(mission.id)
+        self._requested.discard(mission.id)
         run.close(MissionResult("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
@@ -283,7 +283,7 @@ class MissionWorker:
         if interrupted and self._gives_way and self._intake.put_back(run.mission):
             return
         self._runs.pop(run.mission.id, None)
-        self._asked.discard(run.mission.id)
+        self._requested.discard(run.mission.id)
         if interrupted:
             why = "its cause is gone" if self._gives_way else self._cancelled_for
             run.close(MissionResult("cancelled", why))
@@ -303,7 +303,7 @@ class MissionWorker:
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
         self._asked_at_s = self._services.fleet.time_s
-        self._asked.add(self.worked_on)
+        self._requested.add(self.worked_on)
         if self._countersigned:
             answer.set_result(self._countersigned.popleft())
         return answer

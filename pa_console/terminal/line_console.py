@@ -13,7 +13,7 @@ from pa_console.language.questions import Question
 from pa_console.observability import Observer, unobserved
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.station.joined_station import JoinedStation
+from pa_console.station.joined.joined_station import JoinedStation
 from pa_console.station.station import ControlStation
 from pa_console.terminal.session_lines import LineOutput, SessionLines
 from pa_console.terminal.typed_lines import HOW, TypedAnswer, is_answer, read_answer, reason_of

@@ -12,9 +12,10 @@ from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.text import clock_text, count
-from pa_console.session.state import MissionTrace, Notice, SessionState
+from pa_console.session.state import MissionTrace, SessionState
+from pa_console.session.state_parts import Notice
 from pa_console.session.wording import link_in_words, links_in_words, order_in_words
-from pa_console.station.joined_station import JoinedStation
+from pa_console.station.joined.joined_station import JoinedStation
 from pa_console.station.station import ControlStation
 from pa_console.terminal.mission import step_line
 from pa_console.terminal.typed_lines import is_stop

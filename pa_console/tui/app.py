@@ -18,7 +18,7 @@ from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.settings.sources import LoadedSettings, load_settings
 from pa_console.station.assembly import Site, load_site
-from pa_console.station.last_session import LastSession
+from pa_console.station.earlier.last_session import LastSession
 from pa_console.terminal.output import PlainConsole
 from pa_console.tui.actions import ActionContext, bindings, find_action, first_key, key_text
 from pa_console.tui.approval.panel import ApprovalPanel

@@ -8,7 +8,7 @@ from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.rule import Rule, RulesSeal
 
 if TYPE_CHECKING:
-    from pa_console.station.joined_station import JoinedStation
+    from pa_console.station.joined.joined_station import JoinedStation
     from pa_console.station.station import ControlStation
 
 LiveStation: TypeAlias = "ControlStation | JoinedStation"

@@ -23,7 +23,8 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.rule import Rule, RulesSeal
 from pa_console.schema.telemetry import Picture
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.session.state import SessionState, StandingTrace
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import StandingTrace
 from pa_console.views.event_words import in_steps, step_lines
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]

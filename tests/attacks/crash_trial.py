@@ -32,11 +32,7 @@ from pa_console.session.past_sessions import summarise
 from pa_console.session.state import SessionState, begun_missions
 from pa_console.signing import KEY_VARIABLE, SigningError, known_keys, load_signer
 from pa_console.station.assembly import open_station
-from pa_console.station.earlier_session import (
-    NotResumableError,
-    find_unclosed,
-    resume,
-)
+from pa_console.station.earlier.unclosed_session import NotResumableError, find_unclosed, resume
 from pa_console.station.station import ControlStation
 from tests.attacks.crash_lines import REACHED, Line, die_at
 from tests.attacks.stop_trial import LiveClock, checkpoint

@@ -266,7 +266,7 @@ def test_nothing_but_the_gate_sends_to_the_fleet() -> None:
     assert to_devices == {
         ("gate.py", "self._fleet"),
         ("rehearse.py", "forecast"),
-        ("earlier_session.py", "fleet"),
+        ("unclosed_session.py", "fleet"),
     }
 
 

@@ -38,7 +38,7 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.signing import load_signer
 from pa_console.sim.worlds.scenario_file import LoadedScenario, load_scenario
-from pa_console.station.alerts import AlertRules
+from pa_console.station.alarms.alerts import AlertRules
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.station import ControlStation
 from pa_console.terminal.output import errors, out

@@ -6,7 +6,7 @@ from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.schema.events.event import Event
 from pa_console.schema.incident import FailAsset
 from pa_console.session.state import SessionState
-from pa_console.station.alerts import AlertRules, Message
+from pa_console.station.alarms.alerts import AlertRules, Message
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
 from pa_console.station.headless import run_missions

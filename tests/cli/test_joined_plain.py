@@ -10,7 +10,7 @@ import pytest
 from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
-from pa_console.station.joined_station import JoinedStation
+from pa_console.station.joined.joined_station import JoinedStation
 from pa_console.terminal.line_console import JoinedConsole
 from pa_console.terminal.session_lines import LineOutput
 from tests.cli.inside import Call

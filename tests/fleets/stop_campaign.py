@@ -42,7 +42,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.world import World
-from pa_console.session.log.writer import Journal, LogWriter
+from pa_console.session.log.journal import Journal
+from pa_console.session.log.writer import LogWriter
 from pa_console.sim.worlds.world_file import load_world
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import DevicesClock

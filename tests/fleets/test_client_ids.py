@@ -12,7 +12,7 @@ from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, JOINED, STATION, write_site
 from pa_console.fleets.vda5050.station_link import StationLink
 from pa_console.schema.world import World
-from pa_console.station.shared_log import HEARD
+from pa_console.station.joined.shared_log import HEARD
 from tests.fleets.broker import free_port, mosquitto, wait_open
 from tests.fleets.conftest import joined, running
 from tests.fleets.intruder import Intruder

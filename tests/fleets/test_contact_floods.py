@@ -25,7 +25,7 @@ from pa_console.schema.telemetry import Identity, Intent, Picture, Track
 from pa_console.schema.world import World
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.station.alarms import MOST_ALIKE
+from pa_console.station.alarms.alarm_book import MOST_ALIKE
 from pa_console.station.intake import MOST_FROM_ALARMS, Intake
 from tests.fleets.conftest import overheard
 

@@ -15,7 +15,7 @@ from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import Background, World
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.session.state import SessionState
 from pa_console.session.wording import links_in_words
 from pa_console.terminal import session_lines

@@ -17,7 +17,7 @@ from pa_console.resources import find_data
 from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand, ReplyStatus
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Task
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.sim.worlds.world_file import load_world
 from tests.fleets.scripted_link import EPOCH, Desk, ScriptedLink
 

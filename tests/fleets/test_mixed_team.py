@@ -18,7 +18,7 @@ from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import AssetSpec, World
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.settings.schema import Settings
 from pa_console.station.assembly import load_site
 from pa_console.station.clock import DevicesClock, SteppedClock

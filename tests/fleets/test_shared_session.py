@@ -22,8 +22,8 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.joined_station import JoinedStation, Signatory
-from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.joined.joined_station import JoinedStation, Signatory
+from pa_console.station.joined.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH

@@ -11,7 +11,7 @@ from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.world import World
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.fleets.conftest import joined, running
 from tests.fleets.intruder import intruder
 

@@ -28,8 +28,8 @@ from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.sim.worlds.world_file import open_world
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.joined_station import JoinedStation, Signatory, Succession
-from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.joined.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.joined.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.station.station import ControlStation
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, TO_NORTH

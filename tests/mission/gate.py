@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from pa_console.mission.gate import CommandGate, Passage
 from pa_console.schema.command import DeviceCommand
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.shipped import home
 
 WORLD = home()

@@ -14,7 +14,7 @@ from pa_console.schema.command import COMMANDS, STILL, Verb
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Ban, Decision, StandingOrder
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.station.assembly import Site
 from pa_training.situations.worlds import shipped_world
 from tests.mission.gate import send

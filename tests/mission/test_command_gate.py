@@ -10,7 +10,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.mission.gate import WORLD, Link, gate_on, send
 
 pytestmark = pytest.mark.invariant

@@ -18,7 +18,7 @@ from pa_console.schema.command import DeviceCommand
 from pa_console.schema.events import event as ev
 from pa_console.schema.incident import SetRadio
 from pa_console.schema.telemetry import AssetTelemetry, Picture
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site
 

@@ -31,7 +31,7 @@ from pa_console.schema.mission import (
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, StandingLimits
 from pa_console.schema.telemetry import Picture
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.mission.gate import WORLD, Link, send
 from tests.mission.pictures import GATES, asset, picture
 

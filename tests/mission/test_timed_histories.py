@@ -21,7 +21,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision, Schedule, StandingOrder
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.telemetry import Picture
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.mission.gate import Link
 
 BEGAN = datetime(2026, 3, 1, 9, 0, tzinfo=UTC)

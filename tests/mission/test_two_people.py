@@ -18,7 +18,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rule import Rule, RuleSet, RulesSeal
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from tests.fleets.keyring import (
     KEYS,
     PUBLIC,

@@ -34,7 +34,7 @@ from pa_console.schema.finding import Verdict
 from pa_console.schema.mission import Decision, Mission
 from pa_console.schema.plan import Action, Plan
 from pa_console.session.confidence import UNSURE
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.station.assembly import Site
 from pa_console.station.headless import run_missions
 from tests.mission.gate import send

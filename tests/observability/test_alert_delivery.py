@@ -21,7 +21,7 @@ from pa_console.observability.alert_delivery import AlertDelivery, receivers
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Alarm
 from pa_console.settings.schema import Settings
-from pa_console.station.alerts import Message
+from pa_console.station.alarms.alerts import Message
 from tests.cli.inside import Call, caller
 from tests.fleets.mavlink.drones import free_port
 from tests.session.story import at

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Identity, Intent, Track
 from pa_console.schema.world import World
-from pa_console.sim import tracker
-from pa_console.sim.evidence import FORGOTTEN_S, WITHDRAWN_S
 from pa_console.sim.scene import Scene
+from pa_console.sim.sensing import tracker
+from pa_console.sim.sensing.evidence import FORGOTTEN_S, WITHDRAWN_S
 from pa_console.sim.sensing_state import Detection
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, reports_from, scene_at

@@ -15,7 +15,7 @@ from pa_console.schema.world import AssetKind, Sensing
 from pa_console.sim import incidents, telemetry
 from pa_console.sim.camera_view import SIZE, look_of
 from pa_console.sim.scene import Scene
-from pa_console.sim.sensors import AT_FULL_RANGE, detection_chance, scan
+from pa_console.sim.sensing.sensors import AT_FULL_RANGE, detection_chance, scan
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import RANGE_M, lookout, scene_at, stand
 from tests.stills import CAMERA, VEHICLE, drawn, fleet_with

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from pa_console.schema.base import Point
 from pa_console.schema.incident import ClearTracks, FalseContact, RevealTrack
 from pa_console.schema.telemetry import Intent, Track
-from pa_console.sim import contacts, incidents, sensors, tracker, truth
+from pa_console.sim import contacts, incidents, truth
 from pa_console.sim.devices import IDENTIFY_S, WARN_S, attend
 from pa_console.sim.scene import Scene
+from pa_console.sim.sensing import sensors, tracker
+from pa_console.sim.sensing.sensors import WATCH_S
+from pa_console.sim.sensing.tracker import DROP_S
 from pa_console.sim.sensing_state import ContactState, Detection
-from pa_console.sim.sensors import WATCH_S
-from pa_console.sim.tracker import DROP_S
 from pa_console.sim.worlds.terrain import Terrain
 from tests.sim.lookout import lookout, reports_from, scene_at, stand
 

@@ -13,7 +13,13 @@ from pa_console.schema.events.event import AlarmCleared, AlarmRaised
 from pa_console.schema.mission import Alarm
 from pa_console.schema.telemetry import AssetTelemetry, CameraReport, GateCover, Picture, Track
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.station.alarms import MOST_ALIKE, MOST_IDS, MOST_MINOR, AlarmBook, AlarmChange
+from pa_console.station.alarms.alarm_book import (
+    MOST_ALIKE,
+    MOST_IDS,
+    MOST_MINOR,
+    AlarmBook,
+    AlarmChange,
+)
 from tests.mission.pictures import GATES, asset, track
 
 WORLD = load_world(find_data("worlds", "checkpoint", "world.yaml"))

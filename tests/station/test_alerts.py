@@ -8,7 +8,7 @@ import pytest
 from pa_console.schema.base import AlarmPriority
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Alarm
-from pa_console.station.alerts import Alerting, AlertRules, Message
+from pa_console.station.alarms.alerts import Alerting, AlertRules, Message
 from tests.session.story import at
 from tests.tui import story
 

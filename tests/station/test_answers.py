@@ -19,8 +19,8 @@ from pa_console.schema.plan import Plan
 from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
-from pa_console.station.joined_station import JoinedStation, Signatory
-from pa_console.station.shared_log import SharedLog
+from pa_console.station.joined.joined_station import JoinedStation, Signatory
+from pa_console.station.joined.shared_log import SharedLog
 from tests.scripted import FAILURE, SUCCESS, ScriptedEngine, plan
 
 REASON = "asked: 1 drone to EastGate; Drone_T04 is free"

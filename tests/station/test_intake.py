@@ -14,7 +14,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Alarm, AlarmKind, Mission
 from pa_console.schema.telemetry import Picture, Track
 from pa_console.sim.worlds.world_file import load_world
-from pa_console.station.alarms import MOST_ALIKE
+from pa_console.station.alarms.alarm_book import MOST_ALIKE
 from pa_console.station.intake import MOST_FROM_ALARMS, Arrivals, Intake, ReadText
 from pa_console.station.mission_queue import MissionQueue
 from tests.mission.pictures import asset, picture, track

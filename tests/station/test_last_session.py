@@ -10,8 +10,8 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Alarm, StandingOrder
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
-from pa_console.station.earlier_session import LeftMissions
-from pa_console.station.last_session import LastSession
+from pa_console.station.earlier.last_session import LastSession
+from pa_console.station.earlier.unclosed_session import LeftMissions
 from tests.schema.strategies import events
 from tests.session.logs import folded
 from tests.session.story import at, session_started, story

@@ -14,7 +14,7 @@ from pa_console.fleets.vda5050.sharing import SharedSession
 from pa_console.fleets.vda5050.wire import Numbers
 from pa_console.schema.events.event import Event, Noticed
 from pa_console.session.log.writer import LogWriter
-from pa_console.station.shared_log import NotBelievedError, RecordStream
+from pa_console.station.joined.shared_log import NotBelievedError, RecordStream
 from tests.fleets.keyring import KEYS, PUBLIC, REVOCATION, SIGNED_ROSTER, TO_NORTH, Clock
 
 AT = datetime(2026, 1, 1, tzinfo=UTC)

@@ -21,7 +21,7 @@ from pa_console.session.log.writer import LogWriter
 from pa_console.signing import KEY_VARIABLE, load_signer
 from pa_console.station.assembly import Site, open_station
 from pa_console.station.clock import SteppedClock
-from pa_console.station.earlier_session import (
+from pa_console.station.earlier.unclosed_session import (
     NotResumableError,
     UnclosedSession,
     find_unclosed,

@@ -15,7 +15,7 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import LogWriter
 from pa_console.station.assembly import load_site, open_station
 from pa_console.station.clock import DevicesClock
-from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.joined.shared_log import HEARD, SharedLog, read_so_far
 from tests.fleets.broker import Broker, address_of
 from tests.fleets.conftest import joined, running
 from tests.fleets.keyring import KEYS, PUBLIC, ROSTER, TO_NORTH

@@ -11,7 +11,7 @@ from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Metrics, Schedule, StandingOrder, StandingStart
 from pa_console.schema.plan import Plan
 from pa_console.schema.text import clock_text
-from pa_console.station.last_session import LastSession
+from pa_console.station.earlier.last_session import LastSession
 from pa_console.terminal.line_console import LineConsole
 from pa_console.terminal.session_lines import LineOutput
 from pa_console.tui.app import ConsoleApp

@@ -8,7 +8,8 @@ from pa_console.language.canonical.reading import plain_reading
 from pa_console.schema.events import event as ev
 from pa_console.schema.finding import Usage
 from pa_console.schema.plan import Action, Plan
-from pa_console.session.mission_trace import MissionTrace, apply_to_mission
+from pa_console.session.mission_fold import apply_to_mission
+from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.rows import plain
 from pa_console.tui.widgets.trace_pane import sections
 from pa_console.views.event_words import orders_in_line, step_lines, when_in_words

@@ -23,8 +23,8 @@ from pa_console.schema.world import World
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import LoadedSettings
 from pa_console.station.assembly import SessionSites, open_world
-from pa_console.station.joined_station import JoinedStation, Signatory, Succession
-from pa_console.station.shared_log import HEARD, SharedLog, read_so_far
+from pa_console.station.joined.joined_station import JoinedStation, Signatory, Succession
+from pa_console.station.joined.shared_log import HEARD, SharedLog, read_so_far
 from pa_console.terminal.output import errors, require_keys
 
 CONNECT_S = 5.0

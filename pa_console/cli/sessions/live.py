@@ -29,7 +29,7 @@ from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import Site, load_site, open_station
 from pa_console.station.clock import RealTimeClock, SteppedClock
-from pa_console.station.earlier_session import (
+from pa_console.station.earlier.unclosed_session import (
     NotResumableError,
     ResumedSession,
     UnclosedSession,

@@ -9,7 +9,7 @@ from pa_console.cli.options import SessionOptions, naming_what_is_missing
 from pa_console.observability import Observer, Observing, observed
 from pa_console.schema.events.event import OutsideReport
 from pa_console.settings.schema import Settings
-from pa_console.station.alerts import Alerting, AlertRules
+from pa_console.station.alarms.alerts import Alerting, AlertRules
 from pa_console.station.notices import Outside
 from pa_console.terminal.output import errors
 

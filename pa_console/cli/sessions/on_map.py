@@ -20,7 +20,7 @@ from pa_console.settings.schema import Settings
 from pa_console.settings.sources import LoadedSettings
 from pa_console.sim.worlds.geography import geography_of
 from pa_console.sim.worlds.world_file import open_world
-from pa_console.station.shared_log import LOOK_S, SharedLog
+from pa_console.station.joined.shared_log import LOOK_S, SharedLog
 from pa_console.tak.connection import Certificate, TakConnection, TakServer
 from pa_console.tak.reports import TakReports
 from pa_console.tak.session_on_map import InBackground, SessionOnMap, SiteOnMap, site_name

@@ -13,7 +13,7 @@ from pa_console.end_signals import EndableRun, end_signals
 from pa_console.observability import Observer
 from pa_console.settings.schema import Settings
 from pa_console.settings.sources import LoadedSettings
-from pa_console.station.joined_station import JoinedStation
+from pa_console.station.joined.joined_station import JoinedStation
 from pa_console.terminal.line_console import JoinedConsole, LineConsole
 from pa_console.terminal.mission import print_proposal, print_trace
 from pa_console.terminal.output import out

@@ -10,7 +10,7 @@ from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import default_folder
 from pa_console.settings.sources import LoadedSettings
-from pa_console.station.last_session import LastSession
+from pa_console.station.earlier.last_session import LastSession
 from pa_console.terminal.opening_frame import OpeningFrame
 from pa_console.terminal.output import out
 from pa_console.tui.actions import first_key

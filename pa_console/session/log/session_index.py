@@ -31,6 +31,7 @@ from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 INDEX_NAME = "sessions.index"
 LOCK_S, LOCK_STEP_S = 5.0, 0.01
 """Seconds to wait for another console that is writing its line, and seconds between attempts."""
+_CHUNK = 1 << 20
 
 
 class IndexLine(SignedLine):
@@ -139,12 +140,12 @@ def read_anchor(folder: Path) -> bytes:
 def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
     """Return number and hash of the line that the next one must follow."""
     last = lines[-1] if lines else b""
-    found = _number(last) if last else 0
+    records = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0
     # After a cut, the new line follows the anchor, so that the gap in the numbers remains.
-    if kept > found or (kept == found and last != anchor):
+    if kept > records or (kept == records and last != anchor):
         return kept, line_hash(anchor)
-    return (found or len(lines), line_hash(last)) if last else (0, GENESIS)
+    return (records or len(lines), line_hash(last)) if last else (0, GENESIS)
 
 
 def _number(line: bytes) -> int:
@@ -165,9 +166,6 @@ def _lock(file: int) -> None:
         else:
             return
     raise BlockingIOError("another program holds the index of sessions")
-
-
-_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -194,12 +192,12 @@ class IndexReport:
     @property
     def all_problems(self) -> tuple[str, ...]:
         """The problems of the index and of the logs, one sentence each."""
-        logs = (f"{found.log}: {found.problem}" for found in self._logs if found.problem)
+        logs = (f"{status.log}: {status.problem}" for status in self._logs if status.problem)
         return (*self.problems, *logs)
 
     def of(self, log: Path) -> str:
         """Return the problem of `log` by the index; '' if it has none or is not listed."""
-        problems = (found.problem for found in self._logs if found.log == log.name)
+        problems = (status.problem for status in self._logs if status.log == log.name)
         return next(filter(None, problems), "")
 
     @property
@@ -292,8 +290,8 @@ def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
                 f"cut short: session {session} {ended} {entry.records} records, {records} are left"
             )
         if entry.records in (1, records):
-            found = first if entry.records == 1 else last
-            if (found.get("hash"), found.get("session")) != (entry.hash, entry.session):
+            record = first if entry.records == 1 else last
+            if (record.get("hash"), record.get("session")) != (entry.hash, entry.session):
                 return f"record {entry.records} is not the one that session {session} had"
     return ""
 
@@ -323,10 +321,10 @@ def _first(log: Path) -> dict[str, Any]:
 
 def _record(line: bytes) -> dict[str, Any]:
     try:
-        found: object = json.loads(line)
+        value: object = json.loads(line)
     except (ValueError, RecursionError):
         return {}
-    if not isinstance(found, dict):
+    if not isinstance(value, dict):
         return {}
-    record = cast(dict[str, Any], found)
+    record = cast(dict[str, Any], value)
     return record if isinstance(record.get("seq", 0), int) else {}

@@ -31,6 +31,7 @@ EVERY_S = 10.0
 TIMEOUT_S = 5.0
 RETRY_S = 10.0
 URLS = ("http://", "https://")
+Send = Callable[[bytes], None]
 
 
 class SignedHead(SignedLine):
@@ -163,9 +164,6 @@ class HeadKeeper:
         self._sync()
         self._seen(head, False)
         write_head(self._log, head, lasting=False)
-
-
-Send = Callable[[bytes], None]
 
 
 class Witness:
@@ -312,13 +310,15 @@ def check_witness(log: Path, session: str, witness: Path, known: Collection[str]
     good = 0
     for line, head in heads:
         if head.seq and hashes.get(head.seq) != head.hash:
-            what = "that record is gone" if head.seq not in hashes else "that record is another one"
+            damage = (
+                "that record is gone" if head.seq not in hashes else "that record is another one"
+            )
             return WitnessResult(
                 len(heads),
                 good,
                 line,
                 f"the log no longer has the head that the witness saw after record {head.seq}: "
-                f"{what}; records {good + 1} to {head.seq} were cut or written anew since",
+                f"{damage}; records {good + 1} to {head.seq} were cut or written anew since",
             )
         good = max(good, head.seq)
     return WitnessResult(len(heads), good)
@@ -326,7 +326,7 @@ def check_witness(log: Path, session: str, witness: Path, known: Collection[str]
 
 def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[int, SignedHead]]:
     """Return the valid heads of `session`, each with its line number."""
-    found: list[tuple[int, SignedHead]] = []
+    heads: list[tuple[int, SignedHead]] = []
     try:
         with witness.open("rb") as file:
             for number, line in enumerate(file, start=1):
@@ -335,10 +335,10 @@ def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[in
                 except ValueError:
                     continue
                 if head.session == session and fingerprint(head.key) in known:
-                    found.append((number, head))
+                    heads.append((number, head))
     except OSError as error:
         raise os_error(witness, "read the witness", error) from error
-    return found
+    return heads
 
 
 def _hashes(log: Path, wanted: Collection[int]) -> dict[int, str]:

@@ -37,6 +37,8 @@ ADJUSTED = timedelta(seconds=1)
 """
 FIRST_SIGNED = 2
 """The line of a log's first signature; the line before it names the session."""
+Standing = Literal["signed", "open", "not signed"]
+"""Signed to its end; signed, but not closed; without any signature."""
 
 
 @dataclass(frozen=True)
@@ -216,10 +218,10 @@ def _look_around(path: Path, number: int, bad: bytes) -> _NearbyLines:
                 context.following = _record(text)
             if text == bad:
                 context.same_after = context.same_after or at
-            if found := _SEQ.match(text):
-                if int(found[1]) == number:
+            if seq := _SEQ.match(text):
+                if int(seq[1]) == number:
                     context.wanted_after = context.wanted_after or at
-                context.own_number_after |= own is not None and own[1] == found[1]
+                context.own_number_after |= own is not None and own[1] == seq[1]
     return context
 
 
@@ -228,10 +230,6 @@ def _record(line: bytes) -> LogRecord | None:
         return parse(line)
     except ValueError:
         return None
-
-
-Standing = Literal["signed", "open", "not signed"]
-"""Signed to its end; signed, but not closed; without any signature."""
 
 
 @dataclass(frozen=True)
@@ -366,10 +364,10 @@ class _Chain:
         if not self.key:
             return None
         known = known_keys() if known is None else known
-        if (found := fingerprint(self.key)) in known:
+        if (used := fingerprint(self.key)) in known:
             return None
         own = f"known here: {', '.join(sorted(known)) or 'none'}"
-        problem = f"signed by an unknown key, {found} ({own}); whoever can rewrite a log can sign "
+        problem = f"signed by an unknown key, {used} ({own}); whoever can rewrite a log can sign "
         problem += "it with a key of their own: compare this one where the log was made"
         return Damage("unknown-key", self._key_line, problem)
 
@@ -414,8 +412,8 @@ class _Chain:
             missing += changed is None
         if missing:
             folder = stills_folder(self._path).name
-            told = f"{missing} of {len(self._stills)} pictures that were shown are not in {folder}"
-            self._notes.append(told)
+            note = f"{missing} of {len(self._stills)} pictures that were shown are not in {folder}"
+            self._notes.append(note)
         return None
 
     def standing(self) -> Standing:

@@ -1,6 +1,5 @@
-"""The session log: a hash-chained, signed JSONL file locked by one console, and its journal."""
+"""The session log: a hash-chained, signed JSONL file locked by one console."""
 
-import asyncio
 import fcntl
 import os
 import re
@@ -13,7 +12,6 @@ from typing import Literal, Self
 import platformdirs
 
 from pa_console.private_files import make_private_folder, open_private
-from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import Event, LogSigned
 from pa_console.session.log.chain import (
     GENESIS,
@@ -460,68 +458,3 @@ def _same(path: Path, other: Path) -> bool:
     return path.absolute() == other.absolute() or (
         path.exists() and other.exists() and path.samefile(other)
     )
-
-
-class Journal:
-    """Logs the events of the station; `problem` is the reason if nothing may be dispatched.
-
-    All decisions and commands of one moment are signed together: when the event loop is free again,
-    and at the latest before the next simulation step. So none takes effect before it is signed, and
-    a stop does not wait for a disk between two of its commands.
-    """
-
-    def __init__(self) -> None:
-        """Begin without a log; then nothing is written, and there is no problem."""
-        self.problem = ""
-        self._log: LogWriter | None = None
-        self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
-        self._due: asyncio.Handle | None = None
-
-    def open(self, log: LogWriter, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
-        """Write to `log`, which reports its own errors.
-
-        `tell` is called with every new `problem`, and with changes of the log's witness.
-        """
-        self._log, self._tell = log, tell
-
-    @property
-    def head(self) -> str:
-        """The hash of the log's last record, which covers all before it; '' without a log."""
-        return self._log.head if self._log is not None else ""
-
-    def append(self, event: ev.Event) -> None:
-        """Log one event; an event that may not wait is signed as soon as the event loop is free."""
-        if self._log is None:
-            return
-        self._log.append(event, commit=False)
-        if self._log.owes and self._due is None:
-            self._due = asyncio.get_running_loop().call_soon(self.commit)
-        self._look(self._log)
-
-    def commit(self) -> str:
-        """Sign decisions and commands and write them to disk now; return the `problem`, or ''."""
-        if self._due is not None:
-            self._due.cancel()
-            self._due = None
-        if self._log is not None:
-            self._log.commit()
-            self._look(self._log)
-        return self.problem
-
-    def _look(self, log: LogWriter) -> None:
-        before, self.problem = self.problem, str(log.error) if log.error is not None else ""
-        if self.problem != before:
-            self._tell(ev.LogTroubled(problem=self.problem))
-        if (news := log.news()) is not None:
-            asyncio.get_running_loop().call_soon(self._tell, _witnessed(news))
-
-
-def _witnessed(news: str) -> ev.Noticed:
-    if news:
-        text = f"does not get the log's signed heads: {news}"
-        return ev.Noticed(level="warning", subject="witness", text=text)
-    return ev.Noticed(level="info", subject="witness", text="gets the log's signed heads again")
-
-
-def _nobody(_: ev.LogTroubled | ev.Noticed) -> None:
-    pass

@@ -47,6 +47,8 @@ _PLACE_M2 = 11.0
 """The ground that one standing place takes in a frame, in square metres."""
 _CLEAR_M = 9.0
 _TRIES = 400
+MOST_GATES = len(_GATE_WORDS.split())
+MOST_POSTS = len(_POSTS)
 
 
 def outline(rng: random.Random) -> list[Point]:
@@ -93,10 +95,6 @@ def _polygon(rng: random.Random) -> list[Point]:
 
 def _mirrored(points: Sequence[Point]) -> list[Point]:
     return [(-x, y) for x, y in reversed(points)]
-
-
-MOST_GATES = len(_GATE_WORDS.split())
-MOST_POSTS = len(_POSTS)
 
 
 def gates(rng: random.Random, count: int) -> list[str]:
@@ -183,7 +181,7 @@ def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Generate
 def _sites(rng: random.Random, perimeter: Sequence[Point]) -> list[GateSite]:
     """Return places for gates along the perimeter, each with a lane clear of the others."""
     polygon = Polygon(perimeter)
-    found: list[GateSite] = []
+    sites: list[GateSite] = []
     lanes: list[LineString] = []
     for start, end in zip(perimeter, (*perimeter[1:], perimeter[0]), strict=True):
         length = math.dist(start, end)
@@ -197,9 +195,9 @@ def _sites(rng: random.Random, perimeter: Sequence[Point]) -> list[GateSite]:
             lane = LineString(site.lane) if site is not None else None
             if site is None or lane is None or any(lane.distance(o) < _LANE_CLEAR_M for o in lanes):
                 continue
-            found.append(site)
+            sites.append(site)
             lanes.append(lane)
-    return found
+    return sites
 
 
 def _site(rng: random.Random, polygon: Polygon, opening: Point, outward: Point) -> GateSite | None:
@@ -248,7 +246,7 @@ def _circles(
     """Return a free circle for each radius, or None if one does not fit."""
     polygon = Polygon(perimeter)
     gates = [site.at for site in sites]
-    found: list[tuple[Point, float]] = []
+    circles: list[tuple[Point, float]] = []
     left, low, right, high = polygon.bounds
     for radius in radii:
         for _ in range(_TRIES):
@@ -258,52 +256,52 @@ def _circles(
                 polygon.contains(point)
                 and polygon.exterior.distance(point) >= radius + 4.0
                 and all(math.dist(at, gate) >= radius + GATE_RADIUS_M + 6.0 for gate in gates)
-                and all(math.dist(at, other) >= radius + r + 8.0 for other, r in found)
+                and all(math.dist(at, other) >= radius + r + 8.0 for other, r in circles)
             ):
-                found.append((at, round(radius, 1)))
+                circles.append((at, round(radius, 1)))
                 break
         else:
             return None
-    return found
+    return circles
 
 
 def _zones(
     rng: random.Random, inner: BaseGeometry, taken: Sequence[BaseGeometry], count: int
 ) -> tuple[tuple[Point, ...], ...]:
     """Return up to `count` restricted polygons that are clear of `taken`."""
-    found: list[Polygon] = []
+    zones: list[Polygon] = []
     left, low, right, high = inner.bounds
     for _ in range(_TRIES):
-        if len(found) == count:
+        if len(zones) == count:
             break
         middle = (rng.uniform(left, right), rng.uniform(low, high))
         corners = ellipse(rng, rng.randint(4, 6), rng.uniform(8, 14), rng.uniform(6, 10))
         zone = Polygon([_rounded((middle[0] + x, middle[1] + y)) for x, y in corners])
         if inner.contains(zone) and all(
-            zone.distance(other) >= _CLEAR_M for other in (*taken, *found)
+            zone.distance(other) >= _CLEAR_M for other in (*taken, *zones)
         ):
-            found.append(zone)
-    return tuple(tuple((x, y) for x, y in zone.exterior.coords[:-1]) for zone in found)
+            zones.append(zone)
+    return tuple(tuple((x, y) for x, y in zone.exterior.coords[:-1]) for zone in zones)
 
 
 def _barriers(
     rng: random.Random, inner: BaseGeometry, taken: Sequence[BaseGeometry], count: int
 ) -> tuple[tuple[Point, Point], ...]:
     """Return up to `count` straight walls with room to pass on all sides."""
-    found: list[LineString] = []
+    walls: list[LineString] = []
     left, low, right, high = inner.bounds
     for _ in range(_TRIES):
-        if len(found) == count:
+        if len(walls) == count:
             break
         x, y = rng.uniform(left, right), rng.uniform(low, high)
         length, angle = rng.uniform(8.0, 24.0), rng.choice((0.0, 0.0, 0.5, 0.5, 0.25, 0.75))
         dx, dy = length * math.cos(angle * math.pi), length * math.sin(angle * math.pi)
         wall = LineString((_rounded((x, y)), _rounded((x + dx, y + dy))))
         if inner.contains(wall) and all(
-            wall.distance(other) >= _CLEAR_M for other in (*taken, *found)
+            wall.distance(other) >= _CLEAR_M for other in (*taken, *walls)
         ):
-            found.append(wall)
-    ends = ([(x, y) for x, y in wall.coords] for wall in found)
+            walls.append(wall)
+    ends = ([(x, y) for x, y in wall.coords] for wall in walls)
     return tuple((start, end) for start, end in ends)
 
 

@@ -51,25 +51,25 @@ def read_occupancy_map(path: Path) -> Background:
     Raises DocumentError with file, line and field.
     """
     document = Document.read(path)
-    found = document.parse(MapFile)
-    if found.mode == "raw":
+    settings = document.parse(MapFile)
+    if settings.mode == "raw":
         raise document.error(("mode",), "raw maps have no probabilities; save the map as trinary")
-    if found.origin[2] != 0.0:
+    if settings.origin[2] != 0.0:
         problem = "a turned map cannot be shown; turn the image, and give yaw 0.0"
         raise document.error(("origin",), problem)
-    if found.free_thresh >= found.occupied_thresh:
+    if settings.free_thresh >= settings.occupied_thresh:
         raise document.error(("free_thresh",), "must be below occupied_thresh")
-    image = path.parent / found.image
+    image = path.parent / settings.image
     if image.suffix.lower() != ".pgm":
-        problem = f"{found.image}: only PGM is read; convert it, such as with ImageMagick"
+        problem = f"{settings.image}: only PGM is read; convert it, such as with ImageMagick"
         raise document.error(("image",), problem)
     value = _read_pgm(image)
-    occupancy = value if found.negate else 1.0 - value
+    occupancy = value if settings.negate else 1.0 - value
     return background_of(
-        occupancy > found.occupied_thresh,
-        occupancy < found.free_thresh,
-        found.origin[:2],
-        found.resolution,
+        occupancy > settings.occupied_thresh,
+        occupancy < settings.free_thresh,
+        settings.origin[:2],
+        settings.resolution,
     )
 
 

@@ -178,7 +178,7 @@ class RoutePlanner:
 def _corners(free: BaseGeometry) -> Floats:
     """Return the corners (n, 2) of `free` that a shortest way can bend around: the reflex ones."""
     parts = list(free.geoms) if isinstance(free, MultiPolygon) else [free]
-    found: list[Floats] = [np.zeros((0, 2))]
+    corners: list[Floats] = [np.zeros((0, 2))]
     for part in parts:
         if not isinstance(part, Polygon) or part.is_empty:
             continue
@@ -187,5 +187,5 @@ def _corners(free: BaseGeometry) -> Floats:
             points = np.asarray(ring.coords)[:-1, :2]
             before = points - np.roll(points, 1, axis=0)
             after = np.roll(points, -1, axis=0) - points
-            found.append(points[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0])
-    return np.concatenate(found)
+            corners.append(points[before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] < 0])
+    return np.concatenate(corners)

@@ -66,9 +66,9 @@ def scenario_path(world_path: Path, name: str) -> Path:
     own = folder / f"{name}.yaml"
     if own.is_file() and own.parent == folder:
         return own
-    known = ", ".join(path.stem for path in sorted(folder.glob("*.yaml"))) or "none"
+    names = ", ".join(path.stem for path in sorted(folder.glob("*.yaml"))) or "none"
     raise DocumentError(
-        name, 0, "", f"there is no such scenario file, nor one in {folder}; known there: {known}"
+        name, 0, "", f"there is no such scenario file, nor one in {folder}; known there: {names}"
     )
 
 
@@ -94,14 +94,14 @@ def scenario_problems(scenario: Scenario, world: World) -> Iterator[FieldProblem
         match incident:
             case SpawnTrack(gate=gate) | FalseContact(gate=gate):
                 if not missing and gate not in with_lane:
-                    known = ", ".join(with_lane) or "none"
+                    names = ", ".join(with_lane) or "none"
                     yield (
                         (*field, "gate"),
-                        f"no lane leads to {gate!r}; gates with a lane: {known}",
+                        f"no lane leads to {gate!r}; gates with a lane: {names}",
                     )
             case RevealTrack(track=track) if track not in spawned:
-                known = ", ".join(sorted(name for name in spawned if name)) or "none"
-                yield (*field, "track"), f"no spawn is named {track!r}; named here: {known}"
+                names = ", ".join(sorted(name for name in spawned if name)) or "none"
+                yield (*field, "track"), f"no spawn is named {track!r}; named here: {names}"
             case ObstructWay(start=start, end=end) if start == end:
                 yield (*field, "end"), "start and end are the same point"
             case _:
@@ -113,10 +113,10 @@ def scenario_problems(scenario: Scenario, world: World) -> Iterator[FieldProblem
             if missing:
                 yield (*field, missing), remedy
             if event.when.at is not None and event.when.at not in world.frames:
-                known = ", ".join(world.frames)
+                names = ", ".join(world.frames)
                 yield (
                     (*field, "at"),
-                    f"there is no frame {event.when.at!r} in this world; known: {known}",
+                    f"there is no frame {event.when.at!r} in this world; known: {names}",
                 )
 
 

@@ -31,6 +31,8 @@ _SEARCH_STEP_M = 0.25
 PLACE_GAP_M = 0.8
 _CELL_M = 2.0
 _FRAME_CELL_M = 16.0
+Floats = npt.NDArray[np.float64]
+_Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +64,8 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
             corner_m=_CORNER_M[kind],
             look_m=min(LOOK_M, platform.speed_mps * LOOK_S) + platform.radius_m,
             apart_m={
-                other: platform.radius_m + theirs.radius_m + HULL_GAP_M
-                for other, theirs in world.platforms.items()
+                other: platform.radius_m + other_platform.radius_m + HULL_GAP_M
+                for other, other_platform in world.platforms.items()
             },
         )
         for kind, platform in world.platforms.items()
@@ -110,10 +112,6 @@ class LaneLine:
         part = (at - self._marks[leg]) / (self._marks[leg + 1] - self._marks[leg])
         point = (ax + (bx - ax) * part, ay + (by - ay) * part)
         return point, math.atan2(by - ay, bx - ax)
-
-
-Floats = npt.NDArray[np.float64]
-_Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 
 
 class Terrain:
@@ -179,14 +177,14 @@ class Terrain:
     def near_walls(self, x: float, y: float) -> tuple[Wall, ...]:
         """Return the walls that an asset at the point may touch within a step (a superset)."""
         cell = (math.floor(x / _CELL_M), math.floor(y / _CELL_M))
-        found = self._near.get(cell)
-        if found is None:
+        walls = self._near.get(cell)
+        if walls is None:
             centre = shapely.Point((cell[0] + 0.5) * _CELL_M, (cell[1] + 0.5) * _CELL_M)
             reach = self.contact_m + _CELL_M + self._thickest_m / 2
             hits: list[int] = self._walls.query(centre, "dwithin", reach).tolist()
-            found = tuple(self.world.walls[index] for index in sorted(hits))
-            self._near[cell] = found
-        return found
+            walls = tuple(self.world.walls[index] for index in sorted(hits))
+            self._near[cell] = walls
+        return walls
 
     def places(self, frame: str, kind: AssetKind) -> tuple[Point, ...]:
         """Return the points at `frame` where assets of `kind` can stand apart, innermost first.

@@ -56,9 +56,9 @@ def generate_world(gates: int, assets: int, seed: int) -> World:
     Every gate has an asset posted to it if the team is large enough. Raises ValueError for numbers
     out of range.
     """
-    for what, count, most in (("gates", gates, MOST_GATES), ("assets", assets, MOST_ASSETS)):
+    for noun, count, most in (("gates", gates, MOST_GATES), ("assets", assets, MOST_ASSETS)):
         if not 1 <= count <= most:
-            raise ValueError(f"{what}: {count} is out of range; it must be from 1 to {most}")
+            raise ValueError(f"{noun}: {count} is out of range; it must be from 1 to {most}")
     rng = random.Random(f"world/{gates}/{assets}/{seed}")
     post_names = names.posts(rng, min(names.MOST_POSTS, 1 + gates // 10))
     ground = lay_out(rng, gates, assets, len(post_names))
@@ -111,7 +111,7 @@ def _team(
     where = [*where, *(rng.choice(roomy) for _ in range(count))][:count]
     team: dict[str, AssetSpec] = {}
     for kind in every:
-        posted = [at for at, its in zip(where, kinds, strict=True) if its == kind]
+        posted = [at for at, kind_at in zip(where, kinds, strict=True) if kind_at == kind]
         for number, post in enumerate(posted, start=1):
             team[f"{words[kind]}_T{number:02d}"] = AssetSpec(kind=kind, post=post)
     return team
@@ -140,8 +140,8 @@ def _varied(rng: random.Random, platform: Platform) -> Platform:
     return platform.model_copy(update={"speed_mps": speed})
 
 
-def _named(gate: str, what: str) -> str:
-    return gate.removesuffix("Gate") + what
+def _named(gate: str, suffix: str) -> str:
+    return gate.removesuffix("Gate") + suffix
 
 
 def _size(points: Sequence[tuple[float, float]]) -> float:

@@ -28,52 +28,56 @@ MOST_ALTERNATIVES = 2
 """The number of alternatives up to which other agents are tried; readings alone may exceed it."""
 
 
-async def rehearse_reading(basis: CheckBasis, task: Mission, asked: str) -> RehearsedReading | None:
-    """Return the best plan for the reading `asked`, rehearsed in the present picture.
+async def rehearse_reading(basis: CheckBasis, task: Mission, words: str) -> RehearsedReading | None:
+    """Return the best plan for the reading `words`, rehearsed in the present picture.
 
     If rules block every plan tried, the first one is returned. The result is None if the console
     finds no plan.
     """
-    fleet, reading = basis.fleet, read_asked(asked)
+    fleet, reading = basis.fleet, read_asked(words)
     if reading is None or not reading.readable:
         return None
     ways = islice(commands_serving(reading, fleet.world, fleet.picture()), MOST_TRIED)
     first: RehearsedReading | None = None
     for slots in await asyncio.to_thread(list, ways):
         plan = Plan(reason="", actions=_assigned(slots))
-        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
-        if found.rehearsal is None:
+        examination = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
+        if examination.rehearsal is None:
             continue
-        rehearsed = RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
-        if not found.blocked:
+        rehearsed = RehearsedReading(
+            plan=plan, rehearsal=examination.rehearsal, faults=examination.faults
+        )
+        if not examination.blocked:
             return rehearsed
         first = first or rehearsed
     return first
 
 
 async def rehearse_other_ways(
-    basis: CheckBasis, task: Mission, asked: str, but: Plan
+    basis: CheckBasis, task: Mission, words: str, but: Plan
 ) -> AsyncGenerator[RehearsedReading]:
-    """Yield sound plans for the reading `asked` with other agents than the plan `but`.
+    """Yield sound plans for the reading `words` with other agents than the plan `but`.
 
     The commands are those that the console itself would give, and no rule blocks a yielded plan.
     Nothing is yielded if the console cannot plan the reading.
     """
-    fleet, reading = basis.fleet, read_asked(asked)
+    fleet, reading = basis.fleet, read_asked(words)
     if reading is None or not reading.readable:
         return
     first = await asyncio.to_thread(
         lambda: next(commands_serving(reading, fleet.world, fleet.picture()), ())
     )
-    known = {_orders(but)}
+    tried = {_orders(but)}
     for actions in islice(_assignments(first), MOST_ASSIGNED):
-        plan = Plan(reason=asked, actions=actions)
-        if _orders(plan) in known:
+        plan = Plan(reason=words, actions=actions)
+        if _orders(plan) in tried:
             continue
-        known.add(_orders(plan))
-        found = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
-        if found.rehearsal is not None and not found.blocked:
-            yield RehearsedReading(plan=plan, rehearsal=found.rehearsal, faults=found.faults)
+        tried.add(_orders(plan))
+        examination = await examine(plan, task, fleet, basis.rulebook, variant=basis.variant)
+        if examination.rehearsal is not None and not examination.blocked:
+            yield RehearsedReading(
+                plan=plan, rehearsal=examination.rehearsal, faults=examination.faults
+            )
 
 
 def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
@@ -120,8 +124,8 @@ class Alternative:
         faults = f"; nobody may approve it: {'; '.join(self.found.faults)}"
         bad = faults if self.found.faults else ""
         read = f"read as “{plain_reading(self.asked)}”: " if self.sort == "reading" else ""
-        said = f"{read}{orders}; {rehearsed_in_words(rehearsal)}{bad}"
-        return AnswerLine(about=f"another {self.sort}", said=said)
+        text = f"{read}{orders}; {rehearsed_in_words(rehearsal)}{bad}"
+        return AnswerLine(about=f"another {self.sort}", said=text)
 
 
 async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
@@ -132,25 +136,25 @@ async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGene
     attempt, request = attempt_of(trace), trace.approval
     if attempt is None or attempt.plan is None:
         return
-    known = 0
+    count = 0
     readings: Sequence[str] = request.readings if request is not None else ()
-    for asked in readings:
-        found = await rehearse_reading(basis, trace.mission, asked)
-        if found is not None:
-            known += 1
-            yield Alternative("reading", asked, found)
-    asked = asked_of(trace, attempt)
-    if not asked:
+    for words in readings:
+        rehearsed = await rehearse_reading(basis, trace.mission, words)
+        if rehearsed is not None:
+            count += 1
+            yield Alternative("reading", words, rehearsed)
+    words = asked_of(trace, attempt)
+    if not words:
         return
-    ways = rehearse_other_ways(basis, trace.mission, asked, attempt.plan)
-    while known < MOST_ALTERNATIVES:
-        found = await anext(ways, None)
-        if found is None:
+    ways = rehearse_other_ways(basis, trace.mission, words, attempt.plan)
+    while count < MOST_ALTERNATIVES:
+        rehearsed = await anext(ways, None)
+        if rehearsed is None:
             return
-        if _only_holds(found.plan) and not _only_holds(attempt.plan):
+        if _only_holds(rehearsed.plan) and not _only_holds(attempt.plan):
             continue
-        known += 1
-        yield Alternative("way", asked, found)
+        count += 1
+        yield Alternative("way", words, rehearsed)
 
 
 def _only_holds(plan: Plan) -> bool:

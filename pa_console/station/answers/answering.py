@@ -14,7 +14,8 @@ from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
 from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.text import clock_text
 from pa_console.session.mission_trace import Attempt, MissionTrace
-from pa_console.session.state import Notice, SessionState
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import Notice
 from pa_console.session.wording import order_in_words
 from pa_console.station.answers.alternatives import Alternative, find_alternatives
 from pa_console.station.answers.why import (
@@ -77,14 +78,14 @@ def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLi
         yield AnswerLine(about="now", said=f"nothing has been reported of {gate} yet")
         return
     if cover.covered:
-        said = (
+        text = (
             f"{gate} is not uncovered: {', '.join(cover.by)} cover{'s' * (len(cover.by) == 1)} it"
         )
     elif cover.unknown:
-        said = f"nobody can say whether {gate} is covered"
+        text = f"nobody can say whether {gate} is covered"
     else:
-        said = f"nobody covers {gate}"
-    yield AnswerLine(about="now", said=said)
+        text = f"nobody covers {gate}"
+    yield AnswerLine(about="now", said=text)
     if not cover.covered and cover.uncovered_s > 0.0:
         last = max(picture.time_s - cover.uncovered_s, 0.0)
         for_s = f"it has had no guard for {cover.uncovered_s:.0f} s"
@@ -139,8 +140,8 @@ def _left_for(trace: MissionTrace, gate: str) -> Iterator[AnswerLine]:
             continue
         approved = [d.decision for d in trace.decisions if d.accepted and d.decision.settles]
         by = f", approved by {approved[-1].by}" if approved else ""
-        said = f"covered it until {trace.mission.id} sent it away: {order_in_words(action)}{by}"
-        yield AnswerLine(about=action.agent, said=said)
+        text = f"covered it until {trace.mission.id} sent it away: {order_in_words(action)}{by}"
+        yield AnswerLine(about=action.agent, said=text)
 
 
 def _known_of(state: SessionState, gate: str) -> list[Notice]:
@@ -153,7 +154,7 @@ def _known_of(state: SessionState, gate: str) -> list[Notice]:
 class QueryAnswer:
     """An answer, and the id of the mission that it is about; '' for none."""
 
-    told: QuestionAnswered
+    event: QuestionAnswered
     mission: str = ""
 
 
@@ -161,24 +162,24 @@ async def answer(
     basis: CheckBasis,
     question: Question,
     state: SessionState,
-    found: Callable[[Alternative], object] = lambda _: None,
+    show: Callable[[Alternative], object] = lambda _: None,
 ) -> QueryAnswer:
     """Return the answer to `question` in the session `state`.
 
     It is about the waiting plan, otherwise about the active or last mission. Each alternative is
-    passed to `found` as soon as it is rehearsed.
+    passed to `show` as soon as it is rehearsed.
     """
     trace = state.current
     if question.topic == "gate":
         lines = gate_lines(state, question.subjects[0], basis.fleet.world.dt_s)
-        return QueryAnswer(_told(question, [*lines]))
+        return QueryAnswer(_answered(question, [*lines]))
     if trace is None:
-        return QueryAnswer(_told(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
-    lines = await _about(basis, question, trace, found)
-    return QueryAnswer(_told(question, lines), trace.mission.id)
+        return QueryAnswer(_answered(question, [AnswerLine(about="on record", said=NOTHING_YET)]))
+    lines = await _about(basis, question, trace, show)
+    return QueryAnswer(_answered(question, lines), trace.mission.id)
 
 
-def _told(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
+def _answered(question: Question, lines: list[AnswerLine]) -> QuestionAnswered:
     return QuestionAnswered(
         question=question.text, topic=question.topic, subjects=question.subjects, lines=tuple(lines)
     )
@@ -188,7 +189,7 @@ async def _about(
     basis: CheckBasis,
     question: Question,
     trace: MissionTrace,
-    found: Callable[[Alternative], object],
+    show: Callable[[Alternative], object],
 ) -> list[AnswerLine]:
     """Return the answer to a question about one mission."""
     world, attempt = basis.fleet.world, attempt_of(trace)
@@ -204,29 +205,29 @@ async def _about(
             lines = [*asset_lines(trace, attempt, world, question.subjects)]
             return [*lines, *checked_lines(attempt), *end_lines(trace)]
         case "other_asset":
-            told = why_not_lines(basis, trace, attempt, question.subjects)
-            return [line async for line in told]
+            why_not = why_not_lines(basis, trace, attempt, question.subjects)
+            return [line async for line in why_not]
         case _:
-            return await _alternatives(basis, trace, found)
+            return await _alternatives(basis, trace, show)
 
 
 def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
     """Return the answer that the plan has none of the named assets, and which assets it has."""
     agents = attempt.plan.agents if attempt.plan is not None else ()
-    who = ", ".join(dict.fromkeys(agents)) or "nobody"
+    planned = ", ".join(dict.fromkeys(agents)) or "nobody"
     meant = question.subjects[0] if len(question.subjects) == 1 else "none of them"
     no = "has no part" if len(question.subjects) == 1 else "has a part"
-    said = f"{meant} {no} in the plan of {trace.mission.id}: it is for {who}"
-    return [AnswerLine(about="plan", said=said)]
+    text = f"{meant} {no} in the plan of {trace.mission.id}: it is for {planned}"
+    return [AnswerLine(about="plan", said=text)]
 
 
 async def _alternatives(
-    basis: CheckBasis, trace: MissionTrace, found: Callable[[Alternative], object]
+    basis: CheckBasis, trace: MissionTrace, show: Callable[[Alternative], object]
 ) -> list[AnswerLine]:
     lines: list[AnswerLine] = []
-    async for each in find_alternatives(basis, trace):
-        found(each)
-        lines.append(each.line)
+    async for alternative in find_alternatives(basis, trace):
+        show(alternative)
+        lines.append(alternative.line)
     if not lines:
         return [AnswerLine(about=trace.mission.id, said=NO_OTHER)]
     over = [AnswerLine(about="now", said=NOW)] if trace.approval is None else []

@@ -44,7 +44,7 @@ def attempt_of(trace: MissionTrace) -> Attempt | None:
     chosen = chosen_attempt(trace, rounds(trace)[-1])
     if chosen is not None and chosen.plan is not None:
         return chosen
-    return next((each for each in reversed(trace.attempts) if each.plan is not None), None)
+    return next((attempt for attempt in reversed(trace.attempts) if attempt.plan is not None), None)
 
 
 def asked_of(trace: MissionTrace, attempt: Attempt) -> str:
@@ -60,9 +60,9 @@ def actions_of(attempt: Attempt | None) -> Sequence[Action]:
     return attempt.plan.actions if attempt is not None and attempt.plan is not None else ()
 
 
-def kind_asked_for(asked: str, action: Action, world: World) -> AssetKind | None:
+def kind_asked_for(words: str, action: Action, world: World) -> AssetKind | None:
     """Return the kind of asset that the order asks for at the place of `action`; None for any."""
-    reading = read_asked(asked) if asked else None
+    reading = read_asked(words) if words else None
     kind = world.assets[action.agent].kind
     for ask in reading.asks if reading is not None else ():
         if ask.who.kind == kind and ask.place in ("", action.target or ""):
@@ -133,10 +133,10 @@ def asset_lines(
 ) -> Iterator[AnswerLine]:
     """Yield a line for each asset of the plan, or only for those in `only` if it names any."""
     actions = [a for a in actions_of(attempt) if a.agent in world.assets]
-    chosen = [each for each in actions if not only or each.agent in only]
+    chosen = [action for action in actions if not only or action.agent in only]
     for action in chosen[:MOST_ASSETS]:
-        said = "; ".join((order_in_words(action), *_reasons(trace, attempt, action, world)))
-        yield AnswerLine(about=action.agent, said=said)
+        text = "; ".join((order_in_words(action), *_reasons(trace, attempt, action, world)))
+        yield AnswerLine(about=action.agent, said=text)
     if len(chosen) > MOST_ASSETS:
         yield AnswerLine(about="and", said=f"{len(chosen) - MOST_ASSETS} more in the plan")
 
@@ -151,7 +151,9 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
     name = action.agent
     if attempt.author != "planner":
         yield f"the {attempt.author} has put it into the plan"
-    meant = [one.said for one in trace.references if name in one.means.split(", ")]
+    meant = [
+        reference.said for reference in trace.references if name in reference.means.split(", ")
+    ]
     if meant:
         yield f"“{meant[0]}” means it"
     elif named([name], trace.mission.text):
@@ -183,31 +185,33 @@ def _nearness(
     kind = kind_asked_for(asked_of(trace, attempt), action, world)
     if kind is None and PLAIN_KINDS[own_kind] in trace.mission.text.lower().split():
         kind = own_kind
-    planned = {each.agent for each in actions_of(attempt)}
+    planned = {candidate.agent for candidate in actions_of(attempt)}
     others = [
-        each
-        for each, spec in world.assets.items()
-        if each not in planned and is_able(each, action, world) and kind in (None, spec.kind)
-        if each in before.assets and not _stands_at(each, place, before)
+        candidate
+        for candidate, spec in world.assets.items()
+        if candidate not in planned
+        and is_able(candidate, action, world)
+        and kind in (None, spec.kind)
+        if candidate in before.assets and not _stands_at(candidate, place, before)
     ]
     nearer = sorted(
-        (other_m, each)
-        for each in others
-        if (other_m := distance_m(each, action, world, before)) is not None
+        (other_m, candidate)
+        for candidate in others
+        if (other_m := distance_m(candidate, action, world, before)) is not None
         and other_m < own_m - _CLOSE_M
-        and (world.assets[each].kind == own_kind or may_leave(each, before))
+        and (world.assets[candidate].kind == own_kind or may_leave(candidate, before))
     )
-    what = PLAIN_KINDS[kind] if kind is not None else "asset"
-    free = [each for _, each in nearer if may_leave(each, before)]
+    kind_word = PLAIN_KINDS[kind] if kind is not None else "asset"
+    free = [candidate for _, candidate in nearer if may_leave(candidate, before)]
     if may_leave(name, before) and not free:
-        yield f"the nearest free {what}, {own_m:.0f} m away"
+        yield f"the nearest free {kind_word}, {own_m:.0f} m away"
     else:
         yield f"{own_m:.0f} m away"
     for other_m, other in nearer[:_MOST_NEARER]:
         why = against(other, before)
         free_too = "and was free: nothing on record says why it was not taken"
-        told = f"but {', '.join(why)}" if why else free_too
-        yield f"{other} is nearer, {other_m:.0f} m, {told}"
+        remark = f"but {', '.join(why)}" if why else free_too
+        yield f"{other} is nearer, {other_m:.0f} m, {remark}"
     if len(nearer) > _MOST_NEARER:
         yield f"{len(nearer) - _MOST_NEARER} more are nearer"
 
@@ -218,8 +222,8 @@ def _stands_at(name: str, place: str, picture: Picture) -> bool:
     return place in (asset.post, asset.at)
 
 
-def _line(about: str, said: str) -> AnswerLine:
-    return AnswerLine(about=about, said=said)
+def _line(about: str, text: str) -> AnswerLine:
+    return AnswerLine(about=about, said=text)
 
 
 def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
@@ -246,15 +250,15 @@ def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
     if mission.typed and mission.typed != mission.text:
         meant = references_in_words(trace.references)
         yield _line("put in full", f"{mission.text}{f' ({meant})' if meant else ''}")
-    for asked in trace.questions:
-        choices = f" {' or '.join(asked.choices)}" if asked.choices else ""
-        yield _line("asked back", f"{asked.question}{choices}")
+    for question in trace.questions:
+        choices = f" {' or '.join(question.choices)}" if question.choices else ""
+        yield _line("asked back", f"{question.question}{choices}")
 
 
 def _reading(trace: MissionTrace, attempt: Attempt) -> Iterator[AnswerLine]:
     """Yield the reading of the order, its confidence, its doubts, and its omitted parts."""
-    if asked := asked_of(trace, attempt):
-        yield _line("read as", plain_reading(asked))
+    if words := asked_of(trace, attempt):
+        yield _line("read as", plain_reading(words))
     if attempt.sure is not None:
         yield _line("how sure", f"{attempt.sure:.0%}")
     again = attempt.read_again
@@ -269,9 +273,9 @@ def _reading(trace: MissionTrace, attempt: Attempt) -> Iterator[AnswerLine]:
 def rule_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
     """Yield the rules in the planner's prompt, each as retrieved or pinned."""
     pinned = [hit.rule_id for hit in trace.hits if hit.pinned]
-    found = [hit.rule_id for hit in trace.hits if not hit.pinned]
-    if found:
-        yield _line("rules", f"retrieved for these words: {few(found, _MOST_RULES)}")
+    retrieved = [hit.rule_id for hit in trace.hits if not hit.pinned]
+    if retrieved:
+        yield _line("rules", f"retrieved for these words: {few(retrieved, _MOST_RULES)}")
     if pinned:
         yield _line("rules", f"always told: {few(pinned, _MOST_RULES)}")
 
@@ -305,8 +309,8 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
         yield _line("rehearsal", rehearsed_in_words(attempt.rehearsal))
     if attempt.verdict is not None:
         passes = attempt.verdict.verdict == "Success"
-        said = "passes it" if passes else f"objects: {attempt.verdict.feedback}"
-        yield _line("judge", said)
+        text = "passes it" if passes else f"objects: {attempt.verdict.feedback}"
+        yield _line("judge", text)
     elif attempt.judged:
         yield _line("judge", f"gave no verdict: {attempt.judge_error}".rstrip(": "))
 
@@ -314,7 +318,7 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
 def rehearsed_in_words(rehearsal: Rehearsal) -> str:
     """Return a rehearsal in words: its duration, the cover of gates, and unfinished assets."""
     timeline = rehearsal.timeline
-    told = [f"over after {timeline.duration_s:.0f} s"]
+    parts = [f"over after {timeline.duration_s:.0f} s"]
     gates = timeline.gates.items()
     lost = [name for name, gate in gates if gate.covered_before and not gate.covered_after]
     bare = [
@@ -323,17 +327,17 @@ def rehearsed_in_words(rehearsal: Rehearsal) -> str:
         if name not in lost and gate.covered_before and gate.longest_gap_s >= 1.0
     ]
     gained = [name for name, gate in gates if gate.covered_after and not gate.covered_before]
-    told += [f"{', '.join(lost)} lost its guard"] if lost else []
-    told += bare
-    told += [f"{', '.join(gained)} got a guard"] if gained else []
+    parts += [f"{', '.join(lost)} lost its guard"] if lost else []
+    parts += bare
+    parts += [f"{', '.join(gained)} got a guard"] if gained else []
     if not lost and not bare:
-        told.append("every gate kept its guard")
-    told += [
+        parts.append("every gate kept its guard")
+    parts += [
         f"{name} did not finish: {asset.detail}"
         for name, asset in timeline.assets.items()
         if not asset.finished
     ]
-    return "; ".join(told)
+    return "; ".join(parts)
 
 
 def _without_plan(trace: MissionTrace) -> Iterator[AnswerLine]:
@@ -360,8 +364,8 @@ def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
         done = status_of("decision", decision.kind).word
         if decision.kind == "answer":
             done = f"answered “{decision.asked}”"
-        told = decision.standing or bool(deviations_in_words(decision))
-        why = f": {decision.reason}" if decision.reason and not told else ""
+        shown = decision.standing or bool(deviations_in_words(decision))
+        why = f": {decision.reason}" if decision.reason and not shown else ""
         also = f"; {deviations_in_words(decision)}" if deviations_in_words(decision) else ""
         taken = "" if made.accepted else f", not accepted: {made.detail}"
         yield _line("decision", f"{done} by {decision.by}{why}{also}{taken}")
@@ -387,15 +391,15 @@ async def why_not_lines(
     others = [name for name in names if name not in planned]
     for name in names:
         if name in planned and (len(names) == 1 or not others):
-            said = f"it is in the plan: {order_in_words(planned[name])}"
-            yield AnswerLine(about=name, said=said)
+            text = f"it is in the plan: {order_in_words(planned[name])}"
+            yield AnswerLine(about=name, said=text)
     nearest = sorted(others, key=lambda name: _distance_to_part(name, actions, world, basis))
     for name in nearest[:MOST_CHECKED]:
-        async for said in _checked(basis, trace, attempt, name):
-            yield AnswerLine(about=name, said=said)
+        async for text in _checked(basis, trace, attempt, name):
+            yield AnswerLine(about=name, said=text)
     if len(nearest) > MOST_CHECKED:
-        said = f"{len(nearest) - MOST_CHECKED} more are farther away and were not checked"
-        yield AnswerLine(about="and", said=said)
+        text = f"{len(nearest) - MOST_CHECKED} more are farther away and were not checked"
+        yield AnswerLine(about="and", said=text)
 
 
 def part_for(name: str, actions: Sequence[Action], world: World) -> Action | None:
@@ -403,11 +407,11 @@ def part_for(name: str, actions: Sequence[Action], world: World) -> Action | Non
 
     An action of an asset of the same kind is preferred.
     """
-    movers = [each for each in actions if goal_of(each, world)]
-    able = [each for each in movers or actions if is_able(name, each, world)]
+    movers = [action for action in actions if goal_of(action, world)]
+    able = [action for action in movers or actions if is_able(name, action, world)]
     kind = world.assets[name].kind
-    alike = [each for each in able if each.agent in world.assets]
-    alike = [each for each in alike if world.assets[each.agent].kind == kind]
+    alike = [action for action in able if action.agent in world.assets]
+    alike = [action for action in alike if world.assets[action.agent].kind == kind]
     return next(iter((*alike, *able)), None)
 
 
@@ -415,8 +419,8 @@ def _distance_to_part(
     name: str, actions: Sequence[Action], world: World, basis: CheckBasis
 ) -> float:
     part, picture = part_for(name, actions, world), basis.fleet.picture()
-    found = distance_m(name, part, world, picture) if part is not None else None
-    return float("inf") if found is None else found
+    distance = distance_m(name, part, world, picture) if part is not None else None
+    return float("inf") if distance is None else distance
 
 
 async def _checked(
@@ -426,41 +430,42 @@ async def _checked(
     world, actions = basis.fleet.world, actions_of(attempt)
     part = part_for(name, actions, world)
     if part is None:
-        first = next((each for each in actions if goal_of(each, world)), None)
+        first = next((action for action in actions if goal_of(action, world)), None)
         yield who_is_able(first) if first is not None else "the plan sends nobody anywhere"
         return
     over = trace.approval is None
-    then = attempt.rehearsal.before if attempt.rehearsal is not None else None
-    if over and then is not None:
-        yield f"when it was planned: {_facts(name, part, attempt, trace, world, then)}"
+    picture_then = attempt.rehearsal.before if attempt.rehearsal is not None else None
+    if over and picture_then is not None:
+        yield f"when it was planned: {_facts(name, part, attempt, trace, world, picture_then)}"
     now = basis.fleet.picture()
     with_it = Plan(
         reason=attempt.plan.reason if attempt.plan is not None else "",
         actions=tuple(
-            each.model_copy(update={"agent": name}) if each is part else each for each in actions
+            action.model_copy(update={"agent": name}) if action is part else action
+            for action in actions
         ),
     )
-    found = await examine(
+    examination = await examine(
         with_it, trace.mission, basis.fleet, basis.rulebook, variant=basis.variant
     )
     if not over:
         yield _facts(name, part, attempt, trace, world, now)
-    yield f"{'now ' * over}in place of {part.agent}: {_verdict(found)}"
-    if found.rehearsal is not None:
+    yield f"{'now ' * over}in place of {part.agent}: {_verdict(examination)}"
+    if examination.rehearsal is not None:
         compared = attempt.rehearsal if not over else None
-        yield _arrival(name, part, found.rehearsal, compared)
+        yield _arrival(name, part, examination.rehearsal, compared)
 
 
 def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World, picture: Picture
 ) -> str:
     """Return the facts in a picture and in the order against an asset for one action."""
-    told = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
+    facts = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
     own_m = distance_m(name, part, world, picture)
     their_m = distance_m(part.agent, part, world, picture)
     if own_m is not None and their_m is not None:
-        told.append(f"{own_m:.0f} m away, {part.agent} {their_m:.0f} m")
-    return "; ".join(told) or "nothing in the picture stands against it"
+        facts.append(f"{own_m:.0f} m away, {part.agent} {their_m:.0f} m")
+    return "; ".join(facts) or "nothing in the picture stands against it"
 
 
 def _not_asked_for(
@@ -472,19 +477,19 @@ def _not_asked_for(
         yield f"the order was read as one for a {PLAIN_KINDS[kind]}"
 
 
-def _verdict(found: Examination) -> str:
-    if found.blocked:
-        return f"nobody may approve it: {'; '.join(found.faults)}"
-    if found.broken:
-        return f"a warning: {'; '.join(found.broken)}"
+def _verdict(examination: Examination) -> str:
+    if examination.blocked:
+        return f"nobody may approve it: {'; '.join(examination.faults)}"
+    if examination.broken:
+        return f"a warning: {'; '.join(examination.broken)}"
     return "no rule is broken"
 
 
-def _arrival(name: str, part: Action, found: Rehearsal, planned: Rehearsal | None) -> str:
+def _arrival(name: str, part: Action, rehearsal: Rehearsal, planned: Rehearsal | None) -> str:
     """Return the result of the rehearsal with the asset, and the arrival times of both assets."""
-    arrived_s = found.motion.arrived_s.get(name)
+    arrived_s = rehearsal.motion.arrived_s.get(name)
     there = f"; it is there after {arrived_s:.0f} s" if arrived_s is not None else ""
     other_s = planned.motion.arrived_s.get(part.agent) if planned is not None else None
     if there and other_s is not None:
         there += f", {part.agent} after {other_s:.0f} s"
-    return f"rehearsed: {rehearsed_in_words(found)}{there}"
+    return f"rehearsed: {rehearsed_in_words(rehearsal)}{there}"

@@ -11,7 +11,7 @@ from textual.screen import Screen
 from textual.widgets import Static
 
 from pa_console.schema.text import visible_line
-from pa_console.station.waits import what_waits
+from pa_console.station.alarms.waits import what_waits
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 

@@ -10,7 +10,7 @@ from textual.widgets import Input, TextArea
 from pa_console.schema.world import World
 from pa_console.session.recording import Player
 from pa_console.session.state import SessionState
-from pa_console.station.last_session import LastSession
+from pa_console.station.earlier.last_session import LastSession
 from pa_console.tui.actions import ActionContext, ConsoleAction
 from pa_console.tui.kept_input import History
 from pa_console.tui.screens.main import MainScreen

@@ -11,7 +11,8 @@ from textual.content import Content
 
 from pa_console.schema.mission import StandingOrder
 from pa_console.schema.text import clock_text, count
-from pa_console.session.state import SessionState, StandingTrace
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import StandingTrace
 from pa_console.tui.approval.plan_words import order_rows
 from pa_console.tui.refresh import is_open
 from pa_console.tui.rows import WrappedRow, fact, row

@@ -9,7 +9,8 @@ from textual.widgets import Static
 from pa_console.schema.mission import QueueEntry
 from pa_console.schema.text import clock_text, visible
 from pa_console.session.mission_trace import MissionTrace
-from pa_console.session.state import OpenAlarm, SessionState, Stop
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import OpenAlarm, Stop
 from pa_console.tui.refresh import retitle
 from pa_console.tui.rows import column
 from pa_console.tui.status_words import BAD, CALM, NOTE, QUIET, WARN, term

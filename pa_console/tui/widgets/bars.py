@@ -12,7 +12,8 @@ from textual.widgets import Footer, Static
 
 from pa_console.schema.rule import RulesSeal
 from pa_console.schema.text import clock_text, count, few
-from pa_console.session.state import SessionState, TakTrace
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import TakTrace
 from pa_console.session.timeline import MarkKind, RecordingTimeline
 from pa_console.tui.actions import first_key
 from pa_console.tui.status_words import NOTE, QUIET, WARN, cover_state, short_names, term

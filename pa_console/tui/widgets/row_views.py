@@ -15,7 +15,8 @@ from textual.strip import Strip
 from textual.visual import Visual
 from textual.widget import Widget
 
-from pa_console.session.state import NOTICES_KEPT, Notice
+from pa_console.session.state import NOTICES_KEPT
+from pa_console.session.state_parts import Notice
 from pa_console.tui.rows import WrappedRow, column, layout, row
 from pa_console.tui.status_words import NOTE, QUIET, term
 

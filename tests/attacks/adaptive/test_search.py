@@ -6,7 +6,7 @@ That it can find something is shown with one safeguard taken out at a time.
 import pytest
 
 from pa_console.policy import rule_variables
-from pa_console.station import alarms
+from pa_console.station.alarms import alarm_causes
 from tests.attacks.adaptive import histories, words
 from tests.attacks.adaptive.histories import BOXED_IN, SEEDS, play
 from tests.attacks.stop_trial import checkpoint
@@ -48,6 +48,6 @@ async def test_the_attacker_finds_a_disguise_where_words_are_read_as_they_are_sp
 async def test_the_attacker_finds_somebody_shut_in_where_no_alarm_tells(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(alarms, "_ways", nothing)
+    monkeypatch.setattr(alarm_causes, "_ways", nothing)
     played = [await play(checkpoint(), seed) for seed in SEEDS if seed.family == "boxing in"]
     assert any(BOXED_IN in one.harms for one in played)

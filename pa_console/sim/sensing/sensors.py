@@ -67,22 +67,22 @@ def scan(terrain: Terrain, scene: Scene) -> Found:
     if not (state.contacts or state.phantoms):
         return {}
     state.phantoms = tuple(p for p in state.phantoms if scene.tick < p.until_tick)
-    found: dict[str, list[Detection]] = {}
-    told: set[tuple[str, str]] = set()
+    by_sensor: dict[str, list[Detection]] = {}
+    reported: set[tuple[str, str]] = set()
     if state.contacts:
         for hit in _hits(terrain, scene):
-            told.add((hit.sensor, hit.contact.id))
-            found.setdefault(hit.sensor, []).append(_detection(terrain, scene, hit))
+            reported.add((hit.sensor, hit.contact.id))
+            by_sensor.setdefault(hit.sensor, []).append(_detection(terrain, scene, hit))
     for sensor, contact_id in state.findings:
         asset = scene.assets[sensor]
-        if (sensor, contact_id) not in told and not asset.down:
+        if (sensor, contact_id) not in reported and not asset.down:
             contact = state.contacts[contact_id]
-            found.setdefault(sensor, []).append(_recalled(terrain, scene, sensor, contact))
+            by_sensor.setdefault(sensor, []).append(_recalled(terrain, scene, sensor, contact))
     for phantom in state.phantoms:
         seen = _imagined(terrain, scene, phantom)
         if seen is not None:
-            found.setdefault(phantom.sensor, []).append(seen)
-    return {sensor: tuple(detections) for sensor, detections in found.items()}
+            by_sensor.setdefault(phantom.sensor, []).append(seen)
+    return {sensor: tuple(detections) for sensor, detections in by_sensor.items()}
 
 
 def _hits(terrain: Terrain, scene: Scene) -> list[_Hit]:

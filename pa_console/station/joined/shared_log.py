@@ -72,8 +72,8 @@ class RecordStream:
             vouched = self._trust.records(station, message.signature, self._now())
         except RefusedError as refused:
             raise NotBelievedError(str(refused)) from refused
-        said = message.session, message.first, message.last
-        if (vouched.session, vouched.first, vouched.last) != said:
+        claim = message.session, message.first, message.last
+        if (vouched.session, vouched.first, vouched.last) != claim:
             raise NotBelievedError(f"{station} vouches for other records than these")
         if not self.session:
             self._follow(station, vouched.session)
@@ -130,7 +130,7 @@ class SharedLog:
         self.stream = RecordStream(trust, time.time)
         self.problem = ""
         self._signed, self._numbers = SignedMessages(trust.take), Numbers()
-        self._asked, self._asked_at = 0, 0.0
+        self._wanted, self._asked_at = 0, 0.0
 
     def take(self) -> list[Event]:
         """Return the events of the session since the last call, in order."""
@@ -175,8 +175,8 @@ class SharedLog:
     def _ask(self) -> None:
         """Request the missing records, and again if they do not arrive."""
         wanted, now = self.stream.wanted, monotonic()
-        if self.stream.missing and (wanted != self._asked or now - self._asked_at > ASK_AGAIN_S):
-            self._asked, self._asked_at = wanted, now
+        if self.stream.missing and (wanted != self._wanted or now - self._asked_at > ASK_AGAIN_S):
+            self._wanted, self._asked_at = wanted, now
             header = self.header(RecordsAsked)
             self.publish(RecordsAsked(**header, session=self.stream.session, first=wanted))
 

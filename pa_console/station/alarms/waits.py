@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from pa_console.schema.base import AlarmPriority
-from pa_console.session.state import OpenAlarm, SessionState
+from pa_console.session.state import SessionState
+from pa_console.session.state_parts import OpenAlarm
 
 URGENT: tuple[AlarmPriority, ...] = ("emergency", "high")
 """The alarms that call the operator to the screen."""

@@ -22,7 +22,7 @@ from pa_console.schema.telemetry import AssetTelemetry, Weather
 from pa_console.schema.world import World
 from pa_console.sim import radio
 from pa_console.sim.scene import Heard, PositionTrust, Report, Scene
-from pa_console.sim.sensors import WEATHER
+from pa_console.sim.sensing.sensors import WEATHER
 from pa_console.sim.worlds.terrain import Terrain
 
 SPEED_MARGIN = 1.5
@@ -36,21 +36,21 @@ UNSEEN_S = 3.0
 """Seconds for which other sensors must miss an asset before it is suspect."""
 
 
-def judge(world: World, heard: Heard, report: Report) -> PositionTrust:
-    """Return the trust in an asset's positions after `report`; `heard` is the record before it."""
-    trust, last, now = heard.trust, heard.telemetry.like, report.telemetry.like
+def judge(world: World, record: Heard, report: Report) -> PositionTrust:
+    """Return the trust in an asset's positions after `report`; `record` is from before it."""
+    trust, last, now = record.trust, record.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return PositionTrust(stood=_standing(now))
     if not trust.suspect and now.position == last.position == trust.stood and _standing(now):
         return trust
-    since_s = (report.stamp - heard.stamp) * world.dt_s + report.held_up_s
+    since_s = (report.stamp - record.stamp) * world.dt_s + report.held_up_s
     if not trust.suspect:
         if _possible(world, now, last.position, since_s) and not _creeps(
             world, now, trust, since_s
         ):
             return _sound(world, trust, now, since_s)
         return PositionTrust(
-            stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=heard.stamp
+            stood=trust.stood, suspect=True, anchor=last.position, anchor_tick=record.stamp
         )
     if trust.sound_from is None:
         returned = _returned(world, trust, report, last, since_s)
@@ -74,21 +74,21 @@ def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = N
     for gate, names in station.at_gate.items():
         watch: tuple[list[str], list[str]] | None = None
         for name in names:
-            heard = station.heard[name]
-            at, trust = heard.telemetry.like.position, heard.trust
+            record = station.heard[name]
+            at, trust = record.telemetry.like.position, record.trust
             place = scene.assets[name].position if seen is None else seen.get(name)
             there = place is not None and math.dist(at, place) <= SEEN_M
             if there and not trust.suspect and not trust.unseen:
                 continue
-            if heard.stamp < fresh or _standing(heard.telemetry.like) is None:
+            if record.stamp < fresh or _standing(record.telemetry.like) is None:
                 continue
             cameras, drones = watch = watch or _watch(terrain, scene, gate, names, fresh)
             if any(drone != name for drone in drones) or any(
                 _in_view(terrain, camera, at, scene.sensing.weather) for camera in cameras
             ):
-                now = _witnessed(world, heard, there)
+                now = _witnessed(world, record, there)
                 if now is not trust:
-                    station.heard[name] = heard._replace(trust=now)
+                    station.heard[name] = record._replace(trust=now)
 
 
 def _watch(
@@ -118,43 +118,43 @@ def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> boo
 
 def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
     """Return whether `name` is a UAV whose own detections arrive from its reported place."""
-    asset, heard = scene.assets[name], scene.station.heard[name]
+    asset, record = scene.assets[name], scene.station.heard[name]
     return (
         asset.kind == "uav"
-        and heard.stamp >= fresh
-        and not heard.trust.suspect
+        and record.stamp >= fresh
+        and not record.trust.suspect
         and asset.spoofed is None
         and not asset.down
         and name not in scene.sensing.broken
         and radio.works(scene, asset)
-        and math.dist(asset.position, heard.telemetry.like.position)
+        and math.dist(asset.position, record.telemetry.like.position)
         <= world.platforms["uav"].sensor_range_m / 2
     )
 
 
-def _witnessed(world: World, heard: Heard, there: bool) -> PositionTrust:
+def _witnessed(world: World, record: Heard, there: bool) -> PositionTrust:
     """Return the trust after another period in which other sensors saw the asset or missed it."""
-    trust, period_s = heard.trust, world.telemetry_period_s
+    trust, period_s = record.trust, world.telemetry_period_s
     if there:
         if not trust.suspect:
             return replace(trust, unseen=0) if trust.unseen else trust
         if (trust.seen + 1) * period_s >= SOUND_S:
-            return PositionTrust(stood=heard.telemetry.like.position)
+            return PositionTrust(stood=record.telemetry.like.position)
         return replace(trust, seen=trust.seen + 1, unseen=0)
-    at = heard.telemetry.like.position
+    at = record.telemetry.like.position
     if trust.suspect:
         return replace(trust, seen=0, lie=at, sound_from=None)
     if (trust.unseen + 1) * period_s >= UNSEEN_S:
-        return PositionTrust(stood=None, suspect=True, anchor=at, anchor_tick=heard.stamp, lie=at)
+        return PositionTrust(stood=None, suspect=True, anchor=at, anchor_tick=record.stamp, lie=at)
     return replace(trust, unseen=trust.unseen + 1)
 
 
-def _possible(world: World, now: AssetTelemetry, then: Point, since_s: float) -> bool:
-    """Return whether an asset of the kind can have moved from `then` within `since_s`."""
-    if now.position == then:
+def _possible(world: World, now: AssetTelemetry, before: Point, since_s: float) -> bool:
+    """Return whether an asset of the kind can have moved from `before` within `since_s`."""
+    if now.position == before:
         return True
     limit = SPEED_MARGIN * world.platforms[now.kind].speed_mps * since_s + NOISE_M
-    return math.dist(now.position, then) <= limit
+    return math.dist(now.position, before) <= limit
 
 
 def _creeps(world: World, now: AssetTelemetry, trust: PositionTrust, since_s: float) -> bool:

@@ -29,7 +29,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.past_sessions import is_held, newest_logs, summarise
 from pa_console.session.state import SessionState, begun_missions, waiting_entries
 from pa_console.session.wording import order_in_words
-from pa_console.station.alarms import AlarmBook
+from pa_console.station.alarms.alarm_book import AlarmBook
 
 OTHERWISE = "its world did not come out again as the log tells of it"
 LOOKED_AT = 30
@@ -63,10 +63,10 @@ class LeftMissions:
         again = [trace.mission for trace in begun if not trace.commands]
         again += [entry.mission for entry in waiting_entries(state)]
         return cls(
-            manual=tuple((name, one.by) for name, one in state.manual.items()),
-            again=tuple(one for one in again if one.source == "operator"),
+            manual=tuple((name, control.by) for name, control in state.manual.items()),
+            again=tuple(mission for mission in again if mission.source == "operator"),
             under_way=tuple(trace for trace in begun if trace.commands),
-            standing=tuple(name for name, one in state.standing.items() if one.in_force),
+            standing=tuple(name for name, trace in state.standing.items() if trace.in_force),
             awaiting=tuple(
                 (trace.mission, state.awaiting[trace.mission.id]) for trace in _awaiting(state)
             ),
@@ -76,12 +76,12 @@ class LeftMissions:
     def notices(self, station: str) -> Iterator[str]:
         """Yield notices about these for the operator; `station` is the relieved station."""
         for trace in self.under_way:
-            sent = "; ".join(
-                f"{one.command.agent} {order_in_words(one.command)}"
-                for one in trace.commands.values()
+            orders = "; ".join(
+                f"{sent.command.agent} {order_in_words(sent.command)}"
+                for sent in trace.commands.values()
             )
             yield (
-                f"{station} had {trace.mission.id} “{trace.mission.said}” under way ({sent}): "
+                f"{station} had {trace.mission.id} “{trace.mission.said}” under way ({orders}): "
                 "vehicles end what they have begun, and nobody verifies it"
             )
         for mission, assets in self.awaiting:
@@ -135,7 +135,7 @@ class UnclosedSession:
     @property
     def manual(self) -> Iterator[tuple[str, str]]:
         """The assets under manual control, each with the person who took it."""
-        return ((name, one.by) for name, one in self.state.manual.items())
+        return ((name, control.by) for name, control in self.state.manual.items())
 
     @property
     def awaiting(self) -> Iterator[tuple[Mission, tuple[str, ...]]]:
@@ -207,7 +207,7 @@ class PursuitHistory:
             case ev.MissionFinished() if event.mission is not None:
                 self._orders.pop(event.mission, None)
             case ev.TelemetryReceived(picture=picture) if self._orders:
-                orders = [one for of in self._orders.values() for _, one in of.values()]
+                orders = [order for latest in self._orders.values() for _, order in latest.values()]
                 self.pursuits.look(moment(picture, self._world, orders))
             case _:
                 pass
@@ -221,10 +221,10 @@ def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
     """
     for log in newest_logs(folder)[:LOOKED_AT]:
         try:
-            found = summarise(log)
-            if found.world_sha256 != world_sha256 or found.readonly:
+            summary = summarise(log)
+            if summary.world_sha256 != world_sha256 or summary.readonly:
                 continue
-            if found.ending == "closed" or is_held(log):
+            if summary.ending == "closed" or is_held(log):
                 return None
             state = SessionState()
             for event in _events(log):
@@ -244,18 +244,18 @@ def _events(log: Path) -> Iterator[ev.Event]:
             raise
 
 
-def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
-    """Restore the session `found` in its own `world` and `scenario`.
+def resume(session: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
+    """Restore `session` in its own `world` and `scenario`.
 
     Raises NotResumableError if the simulated world differs from the log, LogError if the log cannot
     be read.
     """
-    fleet = SimulatedFleet.start(world, found.started.seed, scenario)
+    fleet = SimulatedFleet.start(world, session.started.seed, scenario)
     alarms, sightings, history = AlarmBook(world), Sightings(world), PursuitHistory(world)
     sent: dict[str, DeviceCommand] = {}
     stops, first = 0, False
     taken = frozenset[str]()
-    for event in _events(found.log):
+    for event in _events(session.log):
         while fleet.tick < event.tick:
             fleet.step()
         history.take(event)
@@ -288,4 +288,4 @@ def resume(found: UnclosedSession, world: World, scenario: Scenario | None) -> R
                 alarms.acknowledge(name, "operator")
             case _:
                 pass
-    return ResumedSession(found, fleet, alarms, sightings, history.pursuits, stops + 1)
+    return ResumedSession(session, fleet, alarms, sightings, history.pursuits, stops + 1)

@@ -1,26 +1,29 @@
 """Alarms of a site: raised once per cause, kept open through noise, cleared with the cause."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
-from pa_console.mission.planning.picture_text import silence
 from pa_console.mission.report import CLEARS_WHEN
-from pa_console.policy.moments import ways_out_shut
 from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events.event import AlarmAcknowledged, AlarmCleared, AlarmRaised
 from pa_console.schema.mission import Alarm, AlarmKind
-from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Track
+from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
-from pa_console.session.wording import TRACK_PLACES
+from pa_console.station.alarms.alarm_causes import (
+    AlarmTopic,
+    Cause,
+    almost_low,
+    causes,
+    many_contacts,
+)
 
-AlarmTopic = Literal["threat", "track", "way", "cover", "asset", "battery", "camera", "sensor"]
+Key = tuple[AlarmTopic, str]
+AlarmChange = AlarmRaised | AlarmCleared
+Sensors = tuple[str, ...]
 OF_TRACKS: tuple[AlarmTopic, ...] = ("threat", "track", "way")
 """The topics of alarms about contacts; a sensor may report any number of contacts."""
-BATTERY_MARGIN_PCT = 3.0
-"""The charge above the limit at which an open battery alarm may clear, in percent. It may also
-clear when the asset returns to base or charges."""
 MOST_MINOR = 12
 """The most medium and low alarms of one kind that are open at a time; the others wait."""
 MOST_ALIKE = 8
@@ -30,240 +33,6 @@ with false reports cannot hide the contacts of other sensors."""
 MOST_IDS = 1024
 """The most subjects whose alarm ids are kept, the latest ones; the number of tracks is
 unlimited."""
-
-
-@dataclass(frozen=True)
-class Cause:
-    """One reason for an alarm; causes with the same topic and subject share one alarm.
-
-    A cause must be present for `settle_s` before it raises an alarm, and absent for `linger_s`
-    before the alarm clears, in simulated seconds. A cause with `raises` False only keeps an alarm
-    open.
-    """
-
-    topic: AlarmTopic
-    kind: AlarmKind
-    priority: AlarmPriority
-    subject: str
-    gate: str | None
-    text: str
-    command: str = ""
-    distance_m: float | None = None
-    settle_s: float = 0.0
-    linger_s: float = 3.0
-    raises: bool = True
-    sensors: tuple[str, ...] = ()
-    """The sensors that detect the track."""
-
-    @property
-    def key(self) -> tuple[AlarmTopic, str]:
-        """The key of the alarm: causes with the same key share one alarm."""
-        return self.topic, " ".join(self.sensors) if self.topic == "sensor" else self.subject
-
-
-def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
-    """Return every cause that `picture` shows.
-
-    `guards` are the assets last known for certain to cover each gate. If one of them is lost, the
-    gate's alarm names it and has the command in response; the asset's own alarm has none.
-    """
-    found = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
-    found.extend(_ways(picture, world))
-    for gate, cover in picture.gates.items():
-        if not cover.covered:
-            found.append(_cover(picture, world, gate, cover, guards.get(gate, ())))
-    alone = {names[0]: gate for gate, names in guards.items() if len(names) == 1}
-    for asset in picture.assets.values():
-        gate = alone.get(asset.id)
-        found.extend(_asset(asset, gate, picture.time_s))
-    found.extend(_cameras(picture, world))
-    return found
-
-
-def _track(track: Track) -> Cause | None:
-    """Return the cause of an alarm about `track`; None if no alarm is needed.
-
-    A leaving track needs none, and neither does an authorized one unless it is hostile or defiant.
-    """
-    if track.status == "leaving":
-        return None
-    known = "" if track.identity == "unknown" else f"{track.identity} "
-    where = TRACK_PLACES[track.status].format(gate=track.gate)
-    care = ". Noncombatants are suspected: only observe and report" if track.noncombatants else ""
-    disputed = ", identity disputed" if track.dispute else ""
-    topic, settle_s = "threat", 0.0
-    if track.intent == "hostile":
-        kind, priority, what = "hostile_track", "emergency", f"hostile {track.kind}"
-        what, order = f"A {what} {where}", ". Block it." if track.warned else "."
-    elif track.defiant:
-        kind, priority = "defiant_track", "emergency"
-        what = f"{_an(known or 'unknown ')}{track.kind} {where} in spite of a warning"
-        order = ". Observe it and keep the gate covered."
-    elif track.identity == "authorized":
-        return None
-    elif track.identity == "unauthorized":
-        topic, kind = "track", "unauthorized_track"
-        priority = "medium" if track.intent == "benign" else "high"
-        what, order = f"An unauthorized {track.kind} {where}", ". Warn it to turn back."
-        if track.warned:
-            order = ""
-    else:
-        topic, kind, settle_s = "track", "unknown_track", 1.0
-        priority = "medium" if track.intent == "benign" else "high"
-        what, order = f"An unknown {track.kind} {where}", "."
-    return Cause(
-        topic, kind, priority, track.id, track.gate,
-        text=f"{track.id}: {what[0].lower()}{what[1:]}, {track.distance_m:.0f} m{disputed}",
-        command=f"{what}{care}." if order and care else f"{what}{order}" if order else "",
-        distance_m=track.distance_m, settle_s=settle_s, linger_s=5.0, sensors=track.seen_by,
-    )  # fmt: skip
-
-
-def _ways(picture: Picture, world: World) -> Iterator[Cause]:
-    """Yield a cause for each track that our assets block although it must pass (ROE-12, ROE-13).
-
-    The situation may arise after the plan was checked, and only another order ends a block.
-    """
-    blockers = {
-        asset.at: asset.id
-        for asset in picture.assets.values()
-        if asset.task == "blocking" and asset.at in picture.gates
-    }
-    shut = bool(blockers) and ways_out_shut(picture, world)
-    for track in picture.tracks.values() if blockers else ():
-        what = "emergency vehicle" if track.emergency else f"{track.identity} {track.kind}"
-        person = track.kind == "person" or track.noncombatants
-        let_through = track.emergency or track.identity == "authorized"
-        if shut and track.status == "inside" and (person or let_through):
-            where = f"is shut in: {', '.join(sorted(filter(None, blockers)))} are blocked"
-        elif let_through and track.status != "leaving" and track.gate in blockers:
-            where = f"waits at {track.gate}, which {blockers[track.gate]} blocks"
-        else:
-            continue
-        yield Cause(
-            "way", "way_blocked", "high", track.id, track.gate,
-            text=f"{track.id}: {'an' if what[0] in 'aeiou' else 'a'} {what} {where}",
-            distance_m=track.distance_m, settle_s=1.0, linger_s=3.0, sensors=track.seen_by,
-        )  # fmt: skip
-
-
-def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
-    """Return one cause that replaces the causes `held`, which get no alarms of their own.
-
-    `held` is sorted, the most urgent first. `opened` is the number of open alarms about contacts of
-    the same `sensors`.
-    """
-    needs, number = "contacts that need a response", opened + len(held)
-    if len(sensors) == 1:
-        reported = f"{sensors[0]} alone reports {number} {needs}"
-    elif sensors:
-        reported = f"{', '.join(sensors)} report {number} {needs}"
-    else:
-        reported = f"{number} {needs} are reported by no sensor now"
-    worst = held[0]
-    return Cause(
-        "sensor", "many_contacts", worst.priority, sensors[0] if sensors else worst.subject,
-        worst.gate, text=f"{reported}: {opened} have an alarm each, the rest is set aside",
-        linger_s=5.0, sensors=sensors,
-    )  # fmt: skip
-
-
-def _cover(
-    picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
-) -> Cause:
-    """Return the cause of an alarm about a gate without certain cover.
-
-    A hand-over may take half the grace time (WF-03). If the guard is known to be lost, there is no
-    hand-over, so the alarm is raised after one second.
-    """
-    if cover.unknown:
-        unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
-        why = ", ".join(filter(None, (silence(picture, asset) for asset in unsure)))
-        silent = all(asset.comms == "lost" for asset in unsure)
-        return Cause(
-            "cover", "coverage_unknown", "high" if silent else "medium", gate, gate,
-            text=f"nobody knows whether {gate} is covered: {why or 'its guard is not heard'}",
-            command=f"Nobody knows whether {gate} has a guard: fill the gap at {gate}.",
-            settle_s=world.stale_s,
-        )  # fmt: skip
-    away = [picture.assets[name] for name in guards if name in picture.assets]
-    driven = [f"{asset.id} is under manual control" for asset in away if asset.manual]
-    failed = [
-        silence(picture, asset) or f"{asset.id} has failed"
-        for asset in away
-        if not (asset.available or asset.manual)
-    ]
-    lost = [*failed, *driven]
-    return Cause(
-        "cover", "coverage_lost", "emergency" if lost else "high", gate, gate,
-        text=f"{gate} is not covered" + (f": {', '.join(lost)}" if lost else ""),
-        command=f"{failed[0] if failed else f'{gate} has no guard'}: fill the gap at {gate}.",
-        settle_s=1.0 if lost else world.coverage_grace_s / 2,
-        linger_s=2.0,
-    )  # fmt: skip
-
-
-def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterator[Cause]:
-    """Yield the cause of an asset: the worst of failed, silent and suspect, or its battery."""
-    place = alone_at or (asset.at if asset.at == asset.post else None)
-    priority: AlarmPriority = "high" if alone_at else "medium"
-    name = f"{asset.id} at {place}" if place else asset.id
-    trouble: tuple[AlarmKind, str, float] | None = None
-    if asset.status == "failed":
-        trouble = "asset_failed", f"{name} has failed", 0.0
-    elif asset.comms == "lost":
-        silent_s = time_s - asset.stamp_s
-        trouble = "link_lost", f"{name} has been silent for {silent_s:.0f} s", 0.0
-    elif asset.integrity == "suspect":
-        trouble = "suspect_telemetry", f"{name} sends telemetry that cannot be right", 1.5
-    if trouble is not None:
-        kind, text, settle_s = trouble
-        yield Cause("asset", kind, priority, asset.id, place, text, settle_s=settle_s)
-        return
-    if asset.task in ("returning", "charging") or not (asset.available or asset.stale):
-        return
-    if asset.low_battery:
-        does = f"{asset.id} has a low battery and must return to base."
-        if alone_at:
-            relief = f"so {alone_at} needs a second guard: send one asset to {alone_at}."
-            does = f"{asset.id} has a low battery, {relief}"
-        yield Cause(
-            "battery", "low_battery", "medium" if alone_at else "low", asset.id, place,
-            text=f"{name} has a low battery, {asset.battery_pct:.0f} %",
-            command=does,
-            settle_s=2.0,
-            raises=not asset.stale,
-        )  # fmt: skip
-
-
-def almost_low(picture: Picture, world: World) -> Iterator[tuple[AlarmTopic, str]]:
-    """Yield the keys of batteries near their limit, whose open alarms must not clear."""
-    for asset in picture.assets.values():
-        near = asset.battery_pct < world.low_battery_pct + BATTERY_MARGIN_PCT
-        if near and asset.task not in ("returning", "charging") and asset.status != "failed":
-            yield "battery", asset.id
-
-
-def _cameras(picture: Picture, world: World) -> Iterator[Cause]:
-    for name, camera in picture.cameras.items():
-        silent_s = picture.time_s - camera.stamp_s
-        if camera.works and silent_s <= world.link_lost_s:
-            continue
-        why = "is out" if not camera.works else f"has been silent for {silent_s:.0f} s"
-        cover = picture.gates.get(camera.gate)
-        yield Cause(
-            "camera", "camera_lost", "low" if cover and cover.covered else "medium", name,
-            camera.gate, text=f"the camera {name} at {camera.gate} {why}", settle_s=1.0,
-        )  # fmt: skip
-
-
-def _an(words: str) -> str:
-    return f"An {words}" if words[0] in "aeiou" else f"A {words}"
-
-
-Key = tuple[AlarmTopic, str]
-AlarmChange = AlarmRaised | AlarmCleared
-Sensors = tuple[str, ...]
 
 
 @dataclass
@@ -335,9 +104,11 @@ class AlarmBook:
 
     def acknowledge(self, alarm_id: str, by: str) -> AlarmAcknowledged:
         """Record that `by` has seen an open alarm; raises ValueError if it is not open."""
-        known = [alarm.id for alarm in self.open]
-        if alarm_id not in known:
-            raise ValueError(f"no alarm {alarm_id!r} is open; open: {', '.join(known) or 'none'}")
+        open_ids = [alarm.id for alarm in self.open]
+        if alarm_id not in open_ids:
+            raise ValueError(
+                f"no alarm {alarm_id!r} is open; open: {', '.join(open_ids) or 'none'}"
+            )
         self.acknowledged.add(alarm_id)
         return AlarmAcknowledged(alarm_id=alarm_id, by=by)
 
@@ -370,8 +141,8 @@ class AlarmBook:
             if entry is None:
                 if cause.raises:
                     before = self._watched.get(("track", cause.subject))
-                    known = before.sensors if before is not None else ()
-                    sensors = _both(known, cause.sensors)
+                    sensors_before = before.sensors if before is not None else ()
+                    sensors = _both(sensors_before, cause.sensors)
                     self._watched[key] = _WatchedCause(cause, now_s, now_s, sensors=sensors)
                 continue
             entry.sensors = _both(entry.sensors, cause.sensors)
@@ -490,14 +261,14 @@ class AlarmBook:
 
     def _id_of(self, key: Key) -> str:
         """Return the id of the alarm about a subject, the earlier one if it is still recorded."""
-        known = self._ids.pop(key, "")
-        if not known:
+        alarm_id = self._ids.pop(key, "")
+        if not alarm_id:
             self._numbered += 1
-            known = f"A{self._numbered:03d}"
-        self._ids[key] = known
+            alarm_id = f"A{self._numbered:03d}"
+        self._ids[key] = alarm_id
         if len(self._ids) > MOST_IDS:
             del self._ids[next(iter(self._ids))]
-        return known
+        return alarm_id
 
 
 def _settled(entry: _WatchedCause) -> bool:
@@ -510,9 +281,9 @@ def _changed(alarm: Alarm, cause: Cause) -> bool:
     return cause.kind != alarm.kind or worse
 
 
-def _both(some: Sensors, others: Sensors) -> Sensors:
+def _both(first: Sensors, second: Sensors) -> Sensors:
     """Return the union of two groups of sensors, sorted."""
-    return tuple(sorted({*some, *others}))
+    return tuple(sorted({*first, *second}))
 
 
 def _cause_order(cause: Cause) -> tuple[int, float, str, str, str]:

@@ -15,8 +15,8 @@ from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Identity, IdentityClaim, Intent
 from pa_console.schema.world import Sensing, World
 from pa_console.sim.scene import Scene
+from pa_console.sim.sensing.sensors import CLOSE_STANDOFFS
 from pa_console.sim.sensing_state import Detection, Statement, TrackFile
-from pa_console.sim.sensors import CLOSE_STANDOFFS
 from pa_console.sim.worlds.terrain import Terrain
 
 ROBOT_WEIGHT, OTHER_WEIGHT = 2, 1
@@ -44,35 +44,35 @@ _SIGMAS = 3.0
 
 
 def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
-    terrain: Terrain, scene: Scene, file: TrackFile, sensor: str, stamp: int, heard: Detection
+    terrain: Terrain, scene: Scene, file: TrackFile, sensor: str, stamp: int, detection: Detection
 ) -> None:
     """Store the statement of `sensor` at tick `stamp` on identity, intent and noncombatants.
 
     A statement without a position, or about a place beyond the sensor's reach, is ignored.
     """
     place = _place(terrain, scene, sensor, stamp)
-    if place is None or heard.position is None:
+    if place is None or detection.position is None:
         return
-    if math.dist(place.at, heard.position) > place.reach_m:
+    if math.dist(place.at, detection.position) > place.reach_m:
         return
     # Markings and lights do not change: one detection is enough, and nothing withdraws it.
-    file.emergency = file.emergency or heard.emergency
-    said = _statement(terrain, file, sensor)
-    now = said
-    identifies = heard.identity != "unknown" and stamp >= said.identity_tick
-    if identifies and not _is_elsewhere(terrain, file, sensor, stamp, place, heard.identity):
-        now = replace(now, identity=heard.identity, identity_tick=stamp)
-    if heard.opinion != "unknown" and stamp >= said.opinion_tick:
-        now = replace(now, opinion=heard.opinion, opinion_tick=stamp)
-    if heard.noncombatants:
-        now = replace(now, suspected_tick=max(stamp, said.suspected_tick))
-    elif any(one.suspected_tick >= 0 for one in file.statements):
-        gap_m = max(math.dist(place.at, at) for at in (heard.position, file.position))
+    file.emergency = file.emergency or detection.emergency
+    before = _statement(terrain, file, sensor)
+    now = before
+    identifies = detection.identity != "unknown" and stamp >= before.identity_tick
+    if identifies and not _is_elsewhere(terrain, file, sensor, stamp, place, detection.identity):
+        now = replace(now, identity=detection.identity, identity_tick=stamp)
+    if detection.opinion != "unknown" and stamp >= before.opinion_tick:
+        now = replace(now, opinion=detection.opinion, opinion_tick=stamp)
+    if detection.noncombatants:
+        now = replace(now, suspected_tick=max(stamp, before.suspected_tick))
+    elif any(statement.suspected_tick >= 0 for statement in file.statements):
+        gap_m = max(math.dist(place.at, at) for at in (detection.position, file.position))
         if gap_m <= place.close_m:
-            now = replace(now, clear_tick=max(stamp, said.clear_tick))
-    if now != said:
-        others = (one for one in file.statements if one.sensor != sensor)
-        file.statements = tuple(sorted((*others, now), key=lambda one: one.sensor))
+            now = replace(now, clear_tick=max(stamp, before.clear_tick))
+    if now != before:
+        others = (statement for statement in file.statements if statement.sensor != sensor)
+        file.statements = tuple(sorted((*others, now), key=lambda statement: statement.sensor))
 
 
 def identity_of(file: TrackFile) -> Identity:
@@ -81,8 +81,16 @@ def identity_of(file: TrackFile) -> Identity:
         return file.identified
     claims = _claims(file)
     for identity, contrary in _CONTRARY.items():
-        agree = [one.weight for one in file.statements if claims.get(one.sensor) == identity]
-        against = sum(one.weight for one in file.statements if claims.get(one.sensor) in contrary)
+        agree = [
+            statement.weight
+            for statement in file.statements
+            if claims.get(statement.sensor) == identity
+        ]
+        against = sum(
+            statement.weight
+            for statement in file.statements
+            if claims.get(statement.sensor) in contrary
+        )
         enough = sum(agree) >= max(NEEDED_WEIGHT, OUTWEIGHS * against)
         if enough and (len(agree) > 1 or not against):
             return identity
@@ -106,10 +114,10 @@ def intent_of(file: TrackFile) -> Intent:
         return "hostile"
     if hostile:
         return "unknown"
-    benign = [one for one in file.statements if one.opinion == "benign"]
+    benign = [statement for statement in file.statements if statement.opinion == "benign"]
     if len(benign) >= TWO_SENSORS:
         return "benign"
-    identifiers = [one for one in file.statements if one.identity != "unknown"]
+    identifiers = [statement for statement in file.statements if statement.identity != "unknown"]
     identified = identity_of(file) != "unknown"
     if identified and benign and identifiers in (benign, []):
         return "benign"
@@ -118,7 +126,9 @@ def intent_of(file: TrackFile) -> Intent:
 
 def hostile_by(file: TrackFile) -> tuple[str, ...]:
     """Return the sensors with a hostile opinion of the contact, sorted."""
-    return tuple(one.sensor for one in file.statements if one.opinion == "hostile")
+    return tuple(
+        statement.sensor for statement in file.statements if statement.opinion == "hostile"
+    )
 
 
 def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
@@ -131,12 +141,12 @@ def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
         return True
     withdrawn = WITHDRAWN_S / terrain.world.dt_s
     forgotten = FORGOTTEN_S / terrain.world.dt_s
-    latest_clear = max((one.clear_tick for one in file.statements), default=-1)
+    latest_clear = max((statement.clear_tick for statement in file.statements), default=-1)
     return any(
-        one.suspected_tick >= 0
-        and one.clear_tick - one.suspected_tick < withdrawn
-        and latest_clear - one.suspected_tick < forgotten
-        for one in file.statements
+        statement.suspected_tick >= 0
+        and statement.clear_tick - statement.suspected_tick < withdrawn
+        and latest_clear - statement.suspected_tick < forgotten
+        for statement in file.statements
     )
 
 
@@ -153,9 +163,9 @@ def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
     contact counts as a claim against it.
     """
     claims: dict[str, IdentityClaim] = {}
-    for one in file.statements:
-        if one.identity != "unknown":
-            claims[one.sensor] = one.identity
+    for statement in file.statements:
+        if statement.identity != "unknown":
+            claims[statement.sensor] = statement.identity
     if "authorized" in claims.values():
         for sensor in hostile_by(file):
             claims.setdefault(sensor, "hostile")
@@ -164,8 +174,8 @@ def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
 
 def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
     """Return the statement of a sensor so far, or an empty one."""
-    said = next((one for one in file.statements if one.sensor == sensor), None)
-    return said or Statement(sensor, weight_of(terrain, sensor))
+    statement = next((entry for entry in file.statements if entry.sensor == sensor), None)
+    return statement or Statement(sensor, weight_of(terrain, sensor))
 
 
 class _SensorReach(NamedTuple):
@@ -185,14 +195,14 @@ def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _SensorRe
     camera, asset = world.cameras.get(sensor), world.assets.get(sensor)
     if camera is not None:
         return _seeing(world, camera, camera.at, 0.0)
-    heard = scene.station.heard.get(sensor)
-    if asset is None or heard is None:
+    record = scene.station.heard.get(sensor)
+    if asset is None or record is None:
         return None
-    since_s = abs(stamp - heard.stamp) * world.dt_s
+    since_s = abs(stamp - record.stamp) * world.dt_s
     if since_s > world.stale_s and not scene.ideal:
         return None
     platform = world.platforms[asset.kind]
-    return _seeing(world, platform, heard.telemetry.like.position, platform.speed_mps * since_s)
+    return _seeing(world, platform, record.telemetry.like.position, platform.speed_mps * since_s)
 
 
 def _seeing(world: World, spec: Sensing, at: Point, moved_m: float) -> _SensorReach:
@@ -216,9 +226,9 @@ def _is_elsewhere(  # noqa: PLR0917 - a claim: its sensor, its contact, its plac
     """
     dt_s, here = terrain.world.dt_s, 0 if identity == "authorized" else 1
     there = 0
-    for one in file.seen:
-        age_s = abs(stamp - one.tick) * dt_s
-        if one.sensor != sensor and age_s <= terrain.world.stale_s:
-            in_reach = math.dist(place.at, one.at) <= place.reach_m + _CONTACT_MPS * age_s
+    for sighting in file.seen:
+        age_s = abs(stamp - sighting.tick) * dt_s
+        if sighting.sensor != sensor and age_s <= terrain.world.stale_s:
+            in_reach = math.dist(place.at, sighting.at) <= place.reach_m + _CONTACT_MPS * age_s
             here, there = (here + 1, there) if in_reach else (here, there + 1)
     return there > here

@@ -15,15 +15,15 @@ import math
 
 from pa_console.schema.base import Point
 from pa_console.schema.telemetry import Track, TrackStatus
-from pa_console.sim import evidence
-from pa_console.sim.evidence import (
+from pa_console.sim.scene import Scene
+from pa_console.sim.sensing import evidence
+from pa_console.sim.sensing.evidence import (
     disputed_claims,
     hostile_by,
     identity_of,
     intent_of,
     suspects_noncombatants,
 )
-from pa_console.sim.scene import Scene
 from pa_console.sim.sensing_state import Detection, Sighting, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
@@ -248,9 +248,9 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
 def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection) -> None:
     """Store time and place of a sensor's detection, and whether the contact has been warned."""
     if detection.position is not None:
-        latest = next((one for one in file.seen if one.sensor == sensor), None)
+        latest = next((sighting for sighting in file.seen if sighting.sensor == sensor), None)
         if latest is None or stamp >= latest.tick:
-            others = tuple(one for one in file.seen if one.sensor != sensor)
+            others = tuple(sighting for sighting in file.seen if sighting.sensor != sensor)
             file.seen = (*others, Sighting(sensor, stamp, detection.position))
         asset = terrain.world.assets.get(sensor)
         file.observed = file.observed or (asset is not None and asset.kind == "uav")
@@ -270,7 +270,7 @@ def known_track(terrain: Terrain, scene: Scene, file: TrackFile) -> Track:
     """Return the track of a file; `position` is that of the last detection."""
     world = terrain.world
     recent = scene.tick - round(SEEN_PERIODS * world.telemetry_period_s / world.dt_s)
-    seen_by = tuple(sorted(one.sensor for one in file.seen if one.tick >= recent))
+    seen_by = tuple(sorted(sighting.sensor for sighting in file.seen if sighting.tick >= recent))
     age_s = terrain.seconds(scene.tick - file.tick)
     speed = 0.0 if file.status == "stopped" else math.hypot(file.vx, file.vy)
     return Track(

@@ -17,7 +17,7 @@ from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.events import event as ev
 from pa_console.schema.text import visible_line
 from pa_console.session.state import SessionState
-from pa_console.station.waits import Wait, is_answered, what_waits
+from pa_console.station.alarms.waits import Wait, is_answered, what_waits
 
 AGAIN_S = 600.0
 """The time for which an alarm that clears and returns is not sent again, in seconds."""
@@ -57,7 +57,7 @@ class AlertRules:
         self._after_s = after_s
         self._state = SessionState()
         self._waits: dict[str, _Waiting] = {}
-        self._told: dict[str, float] = {}
+        self._sent_at: dict[str, float] = {}
         self._pending: list[tuple[Wait, str]] = []
         self._late: list[tuple[Wait, str]] = []
         self._sent: deque[float] = deque(maxlen=MOST_SENT)
@@ -84,13 +84,16 @@ class AlertRules:
         for key, wait in now.items():
             if key not in self._waits and key not in answered:
                 self._waits[key] = _Waiting(wait, now_s, now_s + self._after_s)
-                if wait.priority is not None and now_s - self._told.get(key, -AGAIN_S) >= AGAIN_S:
-                    self._told[key] = now_s
+                if (
+                    wait.priority is not None
+                    and now_s - self._sent_at.get(key, -AGAIN_S) >= AGAIN_S
+                ):
+                    self._sent_at[key] = now_s
                     self._pending.append((wait, ""))
 
     def due(self, now_s: float) -> list[Message]:
         """Return the messages that are due: one for new items, one for reminders."""
-        self._told = {key: at for key, at in self._told.items() if now_s - at < AGAIN_S}
+        self._sent_at = {key: at for key, at in self._sent_at.items() if now_s - at < AGAIN_S}
         for waiting in self._waits.values():
             if self._after_s and now_s >= waiting.next_s:
                 waited_s = now_s - waiting.since_s
@@ -115,7 +118,7 @@ class AlertRules:
         """Return one message about all these items; none while too many have been sent."""
         if not about:
             return ()
-        worst = min(about, key=lambda each: _rank(each[0].priority))[0]
+        worst = min(about, key=lambda item: _rank(item[0].priority))[0]
         full = len(self._sent) == MOST_SENT and now_s - self._sent[0] < SENT_WITHIN_S
         if full and worst.priority != "emergency":
             return ()
@@ -170,8 +173,8 @@ class Alerting:
         ]
 
     def _problems(self) -> list[str]:
-        found, self._problem = self._problem, []
-        return found
+        problems, self._problem = self._problem, []
+        return problems
 
     def __enter__(self) -> Self:
         self._thread.start()

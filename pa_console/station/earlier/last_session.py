@@ -10,7 +10,7 @@ from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
 from pa_console.session.past_sessions import fold_decisions, is_held, newest_logs
 from pa_console.session.state import SessionState
-from pa_console.station.earlier_session import LOOKED_AT
+from pa_console.station.earlier.unclosed_session import LOOKED_AT
 
 ENDED = "the session has ended"
 """The reason for the end of a standing order that was in force until its session ended."""
@@ -29,7 +29,7 @@ class LastSession:
         `offered`, the world's own standing order, is left out because it is offered anyway.
         """
         self._folder, self._world, self._key, self._offered = folder, world_sha256, key, offered
-        self._told: list[ev.OutsideReport] = []
+        self._reports: list[ev.OutsideReport] = []
         self.orders: tuple[str, ...] = ()
         """The texts of the orders that were in force and have not been taken up again."""
         self._looking = Thread(target=self._look, name="last-session", daemon=True)
@@ -38,8 +38,8 @@ class LastSession:
         """Return the summary line once it is found; later calls return nothing."""
         if self._looking.ident is None:
             self._looking.start()
-        told, self._told = self._told, []
-        return told
+        reports, self._reports = self._reports, []
+        return reports
 
     def wait(self) -> None:
         """Wait until the search has ended."""
@@ -77,4 +77,4 @@ class LastSession:
             named = "; ".join(f"“{order}”" for order in orders)
             text += f"; {self._key} takes up again what was in force: {named}"
         self.orders = tuple(orders)
-        self._told = [ev.Noticed(level="info", subject="last session", text=text)]
+        self._reports = [ev.Noticed(level="info", subject="last session", text=text)]

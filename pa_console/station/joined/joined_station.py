@@ -47,9 +47,9 @@ from pa_console.station.answers.alternatives import (
 )
 from pa_console.station.answers.answering import answer
 from pa_console.station.assembly import has_rules_of
-from pa_console.station.earlier_session import LeftMissions
+from pa_console.station.earlier.unclosed_session import LeftMissions
 from pa_console.station.intake import read_text
-from pa_console.station.shared_log import LOOK_S, SharedLog
+from pa_console.station.joined.shared_log import LOOK_S, SharedLog
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
 """The topics whose answers come from new checks and rehearsals, not from the record."""
@@ -65,6 +65,8 @@ STOP_AGAIN_S = 0.5
 """The interval at which a stop is requested until the station's log has it, in seconds."""
 
 SUBJECT = "joined"
+OwnStation = Callable[[], StationAuthority]
+"""A function that returns the keys of this machine's station; it may raise ValueError."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +142,8 @@ class JoinedStation:
             for event in events:
                 self._state.apply(event)
                 yield event
-            for told in (*self._news.take(heard=bool(events)), *self._follow_stop()):
-                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=told)
+            for notice in (*self._news.take(heard=bool(events)), *self._follow_stop()):
+                yield ev.Event(t=datetime.now(UTC), tick=self._state.tick, data=notice)
             while self._answered:
                 yield self._answered.popleft()
             if self._state.ended:
@@ -204,28 +206,28 @@ class JoinedStation:
 
     def _ask_to_stop(self) -> None:
         log = self._log
-        asked = StopAsked(
+        request = StopAsked(
             **log.header(StopAsked), session=log.stream.session, person=self._signatory.name
         )
-        if not log.publish(asked, round(EXPIRY_S)):
+        if not log.publish(request, round(EXPIRY_S)):
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _follow_stop(self) -> Iterator[ev.Noticed]:
         """Repeat a stop request that is not logged yet; yield a notice if that takes long."""
-        asked, now_s = self._stop_asked, monotonic()
-        if asked is None:
+        request, now_s = self._stop_asked, monotonic()
+        if request is None:
             return
         if self._state.stop is not None:
             self._stop_asked = None
-            if asked.late:
+            if request.late:
                 yield ev.Noticed(level="info", subject="stop", text=f"{self.station} has stopped")
             return
-        if now_s - asked.sent_s >= STOP_AGAIN_S:
-            asked.sent_s = now_s
+        if now_s - request.sent_s >= STOP_AGAIN_S:
+            request.sent_s = now_s
             with suppress(ValueError):  # the connection is reported as broken anyway
                 self._ask_to_stop()
-        if not asked.late and now_s - asked.pressed_s > CONFIRM_S:
-            asked.late = True
+        if not request.late and now_s - request.pressed_s > CONFIRM_S:
+            request.late = True
             text = f"STOP not confirmed by {self.station}: it is asked again and again"
             yield ev.Noticed(level="alarm", subject="stop", text=text)
 
@@ -233,10 +235,10 @@ class JoinedStation:
         """Leave the session, which continues without this console."""
         self._closing = True
 
-    async def look_at(self, mission: Mission, asked: str) -> RehearsedReading | None:
+    async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
         """Rehearse another reading of a mission here; None if that is not possible."""
         self.fleet.show(self._state.picture)
-        return None if self._unfit() else await rehearse_reading(self, mission, asked)
+        return None if self._unfit() else await rehearse_reading(self, mission, words)
 
     async def examine(self, _plan: Plan, _text: str = "") -> Examination:
         """Raise ValueError: a plan is changed only at the station that decides on it."""
@@ -247,13 +249,13 @@ class JoinedStation:
         return ""
 
     async def other_ways(
-        self, mission: Mission, asked: str, but: Plan
+        self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
         """Rehearse here other plans than `but` for the same reading of a mission."""
         self.fleet.show(self._state.picture)
         if not self._unfit():
-            async for found in rehearse_other_ways(self, mission, asked, but):
-                yield found
+            async for rehearsed in rehearse_other_ways(self, mission, words, but):
+                yield rehearsed
 
     def _unfit(self) -> str:
         """Return why a rehearsal here would differ from one at the station; '' if it would not."""
@@ -275,7 +277,7 @@ class JoinedStation:
         return read_text(text, scene, self._rules).question
 
     async def answer(
-        self, question: Question, found: Callable[[Alternative], object] = lambda _: None
+        self, question: Question, show: Callable[[Alternative], object] = lambda _: None
     ) -> ev.QuestionAnswered:
         """Answer a question from the received part of the session and the local copy of its site.
 
@@ -285,21 +287,21 @@ class JoinedStation:
         state = self._state
         self.fleet.show(state.picture)
         if question.topic in REHEARSED and (why := self._unfit()):
-            said = f"{why}, so it cannot be rehearsed here; ask it at {self.station}"
+            text = f"{why}, so it cannot be rehearsed here; ask it at {self.station}"
             current = state.current
             mission = current.mission.id if current is not None else ""
-            told = QuestionAnswered(
+            answered = QuestionAnswered(
                 question=question.text,
                 topic=question.topic,
                 subjects=question.subjects,
-                lines=(AnswerLine(about="not here", said=said),),
+                lines=(AnswerLine(about="not here", said=text),),
             )
         else:
-            given = await answer(self, question, state, found)
-            told, mission = given.told, given.mission
+            given = await answer(self, question, state, show)
+            answered, mission = given.event, given.mission
         now, tick = datetime.now(UTC), state.tick
-        self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=told))
-        return told
+        self._answered.append(ev.Event(t=now, tick=tick, mission=mission or None, data=answered))
+        return answered
 
     @property
     def ground(self) -> None:
@@ -372,9 +374,9 @@ class _ConnectionNews:
     """Notices about the connection and the station in command, one for each change."""
 
     def __init__(self, log: SharedLog) -> None:
-        self._log, self._told = log, Notices()
+        self._log, self._notices = log, Notices()
         self._problem, self._takeover = "", log.trust.takeover
-        self._heard = monotonic()
+        self._heard_at = monotonic()
         self._silent = self._lacks = False
 
     def take(self, *, heard: bool) -> Sequence[ev.IncidentHappened | ev.Noticed]:
@@ -386,8 +388,8 @@ class _ConnectionNews:
                 self._say("alarm", f"no connection to the broker: {problem}")
             else:
                 self._say("info", "connected to the broker again")
-        self._heard = now_s if heard else self._heard
-        if (silent := now_s - self._heard > SILENT_S) != self._silent:
+        self._heard_at = now_s if heard else self._heard_at
+        if (silent := now_s - self._heard_at > SILENT_S) != self._silent:
             self._silent = silent
             if silent:
                 self._say("alarm", f"nothing has come from {station} for {SILENT_S:.0f} s")
@@ -407,10 +409,10 @@ class _ConnectionNews:
             in_command = log.trust.roster.station_of(log.trust.takeover.station)
             more = "" if in_command == station else f"; {station} moves nothing any more"
             self._say("alarm", f"{log.trust.in_command}{more}")
-        return self._told.take()
+        return self._notices.take()
 
     def _say(self, level: ev.Level, text: str) -> None:
-        self._told.say(level, SUBJECT, text, monotonic())
+        self._notices.say(level, SUBJECT, text, monotonic())
 
 
 def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
@@ -418,10 +420,6 @@ def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
     pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
     old = frozenset(pictures[:-1])
     return [event for number, event in enumerate(events) if number not in old]
-
-
-OwnStation = Callable[[], StationAuthority]
-"""A function that returns the keys of this machine's station; it may raise ValueError."""
 
 
 class Succession:

@@ -1,0 +1,1 @@
+"""Sensing in the simulation: detections, evidence, tracks, and trust in reported positions."""

@@ -1,0 +1,1 @@
+"""Alarms of a site: their causes, the open ones, and alerts about them beyond the screen."""

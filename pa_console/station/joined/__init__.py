@@ -1,0 +1,1 @@
+"""Consoles that join the session of another station."""
