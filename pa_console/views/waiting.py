@@ -153,9 +153,8 @@ def behind_line(state: SessionState, how: str) -> str:
         return ""
     entry, *others = state.queue
     more = f" and {count(len(others), 'other')}" if others else ""
-    asked = "answer to" if current.approval.state == "not_understood" else "decision on"
     waits = "wait" if others else "waits"
-    return f"{entry.mission.id}{more} {waits} for your {asked} {current.mission.id}: {how}"
+    return f"{entry.mission.id}{more} {waits} behind {current.mission.id}: {how}"
 
 
 def _rehearsed(state: SessionState, rate: float) -> str:

@@ -42,8 +42,8 @@ from pa_console.tui.widgets.row_views import TextRows
 from pa_console.tui.widgets.trace_pane import drawn
 from pa_console.views.trace_layout import answered
 
-CHOOSE = "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"
-ORDER = "Alt+1 to Alt+3 point at a plan; Enter types an order for it, which you send or not"
+CHOOSE = "Alt+1 to Alt+3 select a plan; Enter chooses it, to be checked and proposed"
+ORDER = "Alt+1 to Alt+3 select a plan; Enter types an order for it and sends nothing"
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]

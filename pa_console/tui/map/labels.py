@@ -49,6 +49,7 @@ class Labels:
     def __init__(self, canvas: Canvas, barriers: Barriers) -> None:
         self._canvas, self._barriers = canvas, barriers
         self._taken = barriers.rows()
+        self._kept_names: set[Cell] = set()
         for cell in canvas.marks:
             self.keep(cell)
 
@@ -58,16 +59,21 @@ class Labels:
             self._taken[cell[1]][cell[0]] = 1
 
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
-        """Write a line at `start` unless a marker is in the way; return whether it was written.
+        """Write a line at `start` unless a marker or a kept name is in the way; return success.
 
-        With `keep`, no other name hides the line.
+        With `keep`, no other name hides the line. A number right after the line is in its way too,
+        because it would read as a part of the name.
         """
         cells = [(start[0] + n, start[1]) for n in range(sum(len(text) for text, _ in line))]
-        if not self._canvas.marks.keys().isdisjoint(cells):
+        behind = cells[-1][0] + 1, cells[-1][1]
+        numbered = behind in self._canvas.marks and self._canvas.at(behind)[0].isdigit()
+        taken = self._canvas.marks.keys() | self._kept_names
+        if numbered or not taken.isdisjoint(cells):
             return False
         self._write_line(start, line)
         for cell in cells if keep else ():
             self.keep(cell)
+        self._kept_names.update(cells if keep else ())
         return True
 
     def place(
@@ -159,6 +165,7 @@ class Labels:
             cells += [(left + offset, row) for offset in range(width)]
         for cell in cells:
             self.keep(cell)
+        self._kept_names.update(cells)
         return cells
 
     def _write_line(self, start: Cell, line: Sequence[Run]) -> None:

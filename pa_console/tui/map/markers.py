@@ -158,7 +158,8 @@ class Marker(NamedTuple):
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
         sign = symbol.glyph if symbol.role in TROUBLE else ""
-        return f"{symbol.name}{sign}{symbol.note}{symbol.warning}"
+        warning = f" {symbol.warning}" if symbol.warning else ""
+        return f"{symbol.name}{sign}{symbol.note}{warning}"
 
 
 class Markers:

@@ -74,7 +74,7 @@ class PlanLayer:
                 )
                 if not any(beside) and (name := ground.names.get(place)):
                     behind = name[0] + len(place), name[1]
-                    _ = any(labels.write(behind, line) for line in lines)
+                    _ = any(labels.write(behind, [(" ", ""), *line]) for line in lines)
 
     def _lines(
         self, change: CoverChange | None, place: str, coming: tuple[str, ...]

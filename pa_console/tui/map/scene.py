@@ -163,6 +163,11 @@ class Frames:
     def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
         """Draw the signs, and the names that must be seen or have no marker in their way."""
         shown = {name: frame for name, frame in frames.items() if self._view.shows(frame.at)}
+        for name, frame in shown.items():
+            cell = self._view.cell(frame.at)
+            if cell not in self._canvas.marks:
+                self._canvas.put(cell, *self._sign(name, frame))
+                self._labels.keep(cell)
         for name in sorted(shown, key=lambda name: not self._urgent(name)):
             frame, at = shown[name], places.get(name)
             cell, sign = self._view.cell(frame.at), self._sign(name, frame)
@@ -172,9 +177,6 @@ class Frames:
             line = [(name, role)]
             if cell in self._canvas.marks:
                 line.insert(0, sign)
-            else:
-                self._canvas.put(cell, *sign)
-                self._labels.keep(cell)
             start = at and (at[0] + 1 - len(line), at[1])
             kept = name in self._covers
             loose = None if start is None or kept else self._loose_name(frame, start, line)
@@ -204,10 +206,10 @@ class Frames:
                 canvas.put(cell, glyph, below)
             self._displaced.append((frame, run))
 
-    def name_displaced(self) -> None:
-        """Write the remaining names where the markers have left room for them."""
+    def name_displaced(self, most: float) -> None:
+        """Write the remaining names where the markers have left room, at a cost below `most`."""
         for frame, name in self._displaced:
-            self._place(frame, [name])
+            self._place(frame, [name], most)
 
     def _loose_name(self, frame: Frame, start: Cell, line: list[Run]) -> "_LooseName":
         """Return the name at the end of `line`, not yet drawn, and the cells beneath it."""
@@ -396,8 +398,7 @@ class MapScene:
                 fault = [[(f"{hidden}{symbol.name}", symbol.role)]]
                 labels.place(at, [spot], fault, gap=len(hidden))
             frames.erase_hidden()
-            if not crowded:
-                frames.name_displaced()
+            frames.name_displaced(_ADJOINING if crowded else inf)
             reported.draw(named, None if crowded else labels)
             return named
 

@@ -81,17 +81,20 @@ def answering(state: SessionState) -> dict[str, MissionTrace]:
 def summary(state: SessionState, width: int) -> Content:
     """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
 
-    If room is short, the scenario is left out first, then the end of the alarm's text, then the
-    weather. A stop, the number of alarms and the priority of the worst one are always kept.
+    If room is short, the scenario is left out first, then the next mission in the queue, then the
+    end of the alarm's text, then the weather. A stop, the number of alarms and the priority of the
+    worst one are always kept.
     """
-    kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
-    ends = [*kept, *_scenario(state)]
+    queue, weather = state.queue, list(_weather(state))
+    ends = [*_queue(queue), *weather, *_scenario(state)]
     head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
     worst = _worst(state.alarms)
     line = Content.assemble(head, visible(worst.alarm.text)) if worst else head
     wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
     if _length(ends) > width - wanted:
-        ends = kept
+        ends = [*_queue(queue), *weather]
+    if _length(ends) > width - line.cell_length:
+        ends = [*_queue(queue, names_next=False), *weather]
     while ends and _length(ends) > width - head.cell_length:
         ends.pop()
     line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
@@ -140,16 +143,15 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     yield "  "
 
 
-def _queue(queue: Sequence[QueueEntry]) -> Content | None:
-    if not queue:
-        return None
-    return Content.styled(f"queue {len(queue)}, next {queue[0].mission.id}", NOTE)
+def _queue(queue: Sequence[QueueEntry], *, names_next: bool = True) -> Iterator[Content]:
+    if queue:
+        following = f", next {queue[0].mission.id}" if names_next else ""
+        yield Content.styled(f"queue {len(queue)}{following}", NOTE)
 
 
-def _weather(state: SessionState) -> Content | None:
-    if state.picture is None:
-        return None
-    return term("weather", state.picture.weather).content
+def _weather(state: SessionState) -> Iterator[Content]:
+    if state.picture is not None:
+        yield term("weather", state.picture.weather).content
 
 
 def _scenario(state: SessionState) -> Iterator[Content]:
