@@ -122,7 +122,7 @@ STATUSES: dict[str, Status] = {
     "worker.dead": Status("✘", "restarting", "bad"),
     "worker.unavailable": Status("✘", "unavailable", "bad"),
     "worker.none": Status("?", "unknown", "warn"),
-    "server.probing": Status("◔", "being tried", "warn"),
+    "server.probing": Status("◔", "connecting", "warn"),
     "server.ready": Status("●", "ready", "good"),
     "server.unconstrained": Status("△", "not constrained", "warn"),
     "server.away": Status("✘", "away", "bad"),

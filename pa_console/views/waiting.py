@@ -30,7 +30,7 @@ WORK = {
     "plan": "the model writes the plan",
     "safeguards": "the plan is checked and rehearsed",
     "judge": "the judge reads the plan",
-    "read_again": "a second model reads the order",
+    "read_again": "the second reader reads the order",
     "readings": "the readings of the order are compared",
     "execute": "the assets carry out the plan",
     "verify": "telemetry is compared with the plan",
@@ -241,7 +241,9 @@ def plan_in_words(plan: Plan, base: str) -> str:
             goes = f"to {place_words(place or base)}"
             does = f"{goes}, {spec.plainly}" if spec.plainly else goes
         agents.setdefault(does, []).append(action.agent)
-    return ", ".join(f"{listed(names)} {does}" for does, names in agents.items()) or "nobody moves"
+    return (
+        ", ".join(f"{listed(names)} {does}" for does, names in agents.items()) or "no asset moves"
+    )
 
 
 def _gates(rehearsal: Rehearsal) -> Iterator[str]:

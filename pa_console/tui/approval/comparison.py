@@ -131,7 +131,7 @@ def other_way(
 def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     """Yield the facts to compare, always in the same order."""
     preview = candidate.preview
-    yield fact("read as", candidate.reading or ("not told", QUIET), width=_LEAD)
+    yield fact("read as", candidate.reading or ("unknown", QUIET), width=_LEAD)
     yield from action_rows(preview)
     yield cover_row(preview) or row(("Guards  ", QUIET), "unchanged at every gate")
     yield fact("time", f"{preview.duration_s:.0f} s", width=_LEAD)
@@ -145,14 +145,14 @@ def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     style = WARN if judge == "objects" else QUIET if chosen else ""
     yield fact("judge", (judge, style), width=_LEAD)
     sure = f"{candidate.sure:.0%}" if candidate.sure is not None else ""
-    told = sure or ("told once you choose it" if chosen else "not told")
-    yield fact("confidence", told, width=_LEAD)
+    unknown = "known once you choose it" if chosen else "unknown"
+    yield fact("confidence", sure or unknown, width=_LEAD)
 
 
 def _battery(preview: PlanPreview) -> str:
     lines = preview.rehearsal.timeline.assets
     if not lines:
-        return "nobody moves"
+        return "no asset moves"
     name = min(lines, key=lambda each: lines[each].least_battery_pct)
     return f"at least {lines[name].least_battery_pct:.0f} % ({name})"
 
@@ -221,7 +221,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
     def on_mount(self) -> None:
         """Point at the first plan, and begin the search for others."""
         self.columns[0].focus()
-        self.tell("looking for other plans; Esc ends that")
+        self.tell("looking for other plans; Esc stops the search")
         self._begin(self)
 
     def on_unmount(self) -> None:

@@ -117,7 +117,7 @@ def cover_row(preview: PlanPreview) -> WrappedRow | None:
 
 def _deed(action: Action, preview: PlanPreview) -> _ActionGroup:
     asset = preview.before.assets.get(action.agent)
-    kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "not known"
+    kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "unknown kind"
     goal, does = preview.goal(action), COMMANDS[action.verb].plainly
     if preview.is_there(action):
         stays = "holds" if action.verb == "hold" else "stays"
@@ -168,7 +168,7 @@ def _battery(names: Sequence[str], preview: PlanPreview) -> str:
     before = [assets[name].battery_pct for name in names if name in assets]
     least = [lines[name].least_battery_pct for name in names if name in lines]
     if not before:
-        return "battery not known"
+        return "battery unknown"
     first = f"{min(before):.0f}"
     last = f"{min(least):.0f}" if least else first
     return f"battery {first} %" if first == last else f"battery {first} → {last} %"
@@ -204,7 +204,7 @@ def approval_rows(
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))
         told = "Choose or write what is meant" if trace.choices else "Write what is meant"
-        yield row("  ", f"Nobody moves. {told}, or reject this.")
+        yield row("  ", f"No asset moves. {told}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:
         yield from offered_rows(trace.standing, foreseen)
@@ -232,7 +232,7 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
         "operator": "typed  ",
         "alarm": "alarm  ",
         "standing": f"by {mission.standing}  ",
-        "agent": "words  ",
+        "agent": "order  ",
     }
     if mission.agent:
         yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
@@ -389,7 +389,7 @@ def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[WrappedRow]:
     """Yield the consequences of another reading, and the rules that block it."""
     if preview is None:
-        yield row("  ", ("What it leads to is known once it is planned.", QUIET))
+        yield row("  ", ("The effects are known once this reading is planned.", QUIET))
         return
     yield from action_rows(preview)
     if changed := cover_row(preview):
@@ -441,7 +441,7 @@ def order_rows(
         yield fact("whenever", (order.words, "bold"))
         yield fact("in CEL", (order.condition, CALM))
     else:
-        yield fact("moments", (order.words, "bold"))
+        yield fact("times", (order.words, "bold"))
     yield fact("it starts", order.order_in_words)
     style = WARN if order.unasked else ""
     yield fact("approval", (asked_in_words(order, allowed), style))

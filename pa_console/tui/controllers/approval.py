@@ -49,7 +49,7 @@ BACK_TO_PROPOSED = "back to the plan as it was proposed"
 PlanKey = tuple[str, int]
 """The id of a mission and the number of an attempt."""
 
-LOOKING = "looking at the record, and checking what has to be checked …"
+LOOKING = "reading the log and checking the facts …"
 
 
 class ApprovalController:
@@ -97,7 +97,7 @@ class ApprovalController:
         first = _compared_with(session.world, trace, over=question is not None)
         if trace is None or first is None or (request is None and question is None):
             if question is None:
-                session.tell("there is no plan to be compared with others", "Compare")
+                session.tell("there is no plan to compare", "Compare")
             return False
         app = session.app
 
@@ -160,14 +160,14 @@ class ApprovalController:
             return
         known, asked = 0, said_of(trace)
         for reading in request.readings:
-            screen.tell(f"rehearsing: {plain_reading(reading)}; Esc ends that")
+            screen.tell(f"rehearsing: {plain_reading(reading)}; Esc stops")
             found = await station.look_at(trace.mission, reading)
             if found is not None:
                 known += 1
                 screen.add(other_reading(known, reading, found, world, request.request_id))
         ways = station.other_ways(trace.mission, asked, request.plan)
         while known < MOST_BESIDE and asked:
-            screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc ends that")
+            screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc stops")
             found = await anext(ways, None)
             if found is None:
                 break
@@ -220,7 +220,7 @@ class ApprovalController:
             if isinstance(plan, str):
                 self.modify(as_json=isinstance(editor, PlanForm))
             elif plan == waiting:
-                self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
+                self._session.tell("the plan is unchanged and still waits", "Nothing was changed")
             elif plan is not None:
                 back = BACK_TO_PROPOSED if plan == proposed else ""
                 self.decide(Decision(kind="modify", request_id=request_id, plan=plan, reason=back))

@@ -65,7 +65,7 @@ class BrowsingController:
             if shown.query_one(MapView).follow(name):
                 shown.go_to("map")
             else:
-                self._session.tell(f"where {name} is was never reported", "Follow", bad=True)
+                self._session.tell(f"no position of {name} was ever reported", "Follow", bad=True)
 
     # Screens over the session
 
@@ -114,7 +114,7 @@ class BrowsingController:
         if newest is not None:
             show(newest)
         else:
-            question = f"No evaluation in {below}; pa-console eval makes one.\nAnother folder"
+            question = f"No evaluation in {below}; pa-console eval makes one.\nOpen another folder:"
             self._app.push_screen(AskFolder(question), show)
 
     # Copies

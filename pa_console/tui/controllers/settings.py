@@ -53,7 +53,7 @@ class SettingsController:
             self._app.call_later(self._session.main.show_reading, text, reading)
 
     def _cannot_use(self, what: str, problem: str) -> None:
-        title = f"Your {what} cannot be used; the console's own is"
+        title = f"Your {what} cannot be used; the default applies"
         self._session.tell(problem, title, bad=True)
 
     def show(self) -> None:

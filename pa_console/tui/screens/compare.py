@@ -170,7 +170,7 @@ def heading(
         if found.beyond is None and not beyond:
             parts.append((f", {count(len(shown.changes), 'value')}", QUIET))
         else:
-            parts.append(("; n: the other one", QUIET))
+            parts.append(("; n shows the other", QUIET))
     return Content.assemble(*parts)
 
 

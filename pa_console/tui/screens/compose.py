@@ -148,7 +148,7 @@ class ChooseLine(ModalScreen[str | None]):
             keys = PLAIN_HINT + (" · Del removes it" if self._remove else "")
             note.update("reading earlier sessions …" if self._reads else keys)
         else:
-            none = "nothing has these words" if words else self._nothing
+            none = "no entry has these words" if words else self._nothing
             note.update("reading earlier sessions …" if self._reads else none)
 
     @on(Input.Changed)
@@ -199,9 +199,9 @@ class CardChoice(NamedTuple):
 
 FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
-    CardChoice("Nearer", does="zoom_in"),
-    CardChoice("Farther", does="zoom_out"),
-    CardChoice("What sensors see", does="sensors"),
+    CardChoice("Zoom in", does="zoom_in"),
+    CardChoice("Zoom out", does="zoom_out"),
+    CardChoice("Fields of view", does="sensors"),
 )
 """The choices for an empty place on the map."""
 
@@ -325,7 +325,7 @@ class Card(ModalScreen[CardChoice | None]):
         card = self.query_one("#card", Vertical)
         card.border_title = Content(self._title)
         if any(choice.order and not choice.does for choice in self._choices):
-            card.border_subtitle = "an order is typed; you send it"
+            card.border_subtitle = "types an order, which you then send"
         self.query_one("#card-lines").display = bool(self._lines)
         self.query_one(OptionList).focus()
         self._place()

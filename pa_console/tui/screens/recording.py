@@ -122,7 +122,7 @@ class RecordingScreen(MainScreen):
         if command:
             event.stop()
             self.notify(
-                "this is a recording; nothing can be commanded in it",
+                "this is a recording; it takes no commands",
                 title=f"REPLAY: {command} refused",
                 severity="warning",
                 markup=False,
@@ -262,7 +262,7 @@ def read_position(text: str, player: Player) -> int:
     sign, seconds = found[1], _seconds(found[2])
     if sign == "s":
         if not timeline.ticks_per_s:
-            raise ValueError("this recording has no telemetry, so it knows no clock of its own")
+            raise ValueError("this recording has no telemetry, and so no session clock")
         return timeline.count_until_tick(seconds * timeline.ticks_per_s)
     if sign == "@":
         return timeline.count_until(_since_start(seconds, player))
@@ -344,7 +344,7 @@ class FindEvent(ModalScreen[int | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and the number of matches."""
         with Vertical(id="find"):
-            yield LineField(id="find-words", placeholder="words that an event says")
+            yield LineField(id="find-words", placeholder="words of an event")
             yield HitRows(self._recording, id="find-list")
             yield Static(HINT, id="find-note", markup=False)
 

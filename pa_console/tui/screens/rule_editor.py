@@ -159,12 +159,12 @@ class RuleEditor(Screen[str]):
             self._failed(str(draft.problem))
             self.action_to_problem()
             return
-        doubts = [f"{len(draft.wrong)} of its examples come out wrong."] if draft.wrong else []
+        doubts = [f"{len(draft.wrong)} of its examples are wrong."] if draft.wrong else []
         seal = self._bench.seal()
         if seal.standing in ("known key", "unknown key"):
             doubts.append(
-                f"The set is {seal.words}. Once saved it is ALTERED: the set in force stays until "
-                f"the file is signed anew (pa-console rules sign {self._opened.path}), unless the "
+                f"The set is {seal.words}. Once saved, it is ALTERED: the set in force stays until "
+                f"the file is signed again (pa-console rules sign {self._opened.path}), unless the "
                 "console was started with --unsigned."
             )
         if doubts and not await self._asked("\n".join(doubts), "Save"):
@@ -180,7 +180,7 @@ class RuleEditor(Screen[str]):
         try:
             saved = await asyncio.to_thread(save_rule, before, text, anyway=anyway)
         except RulesChangedError as error:
-            lost = "What was changed in this rule is lost then. " if error.same_rule else ""
+            lost = "The other changes to this rule are then lost. " if error.same_rule else ""
             question = f"{error}.\n{lost}Put this rule alone into the file as it is now?"
             return await self._asked(question, "Save") and await self._write(text, anyway=True)
         except OSError as error:
@@ -202,8 +202,8 @@ class RuleEditor(Screen[str]):
         """Offer to sign a rule set again that was signed with this machine's own key."""
         path = self._opened.path
         question = (
-            "The set was signed by this machine's key and is not what was signed any more. "
-            "Sign it as it is now? Else it counts as ALTERED and is not taken."
+            "This machine's key signed the rule set, but the set has changed since. "
+            "Sign it as it is now? Otherwise it counts as ALTERED and is refused."
         )
         if self._bench.seal().standing != "own key" or not await self._asked(question, "Sign"):
             return
@@ -225,8 +225,8 @@ class RuleEditor(Screen[str]):
 
     async def _outside(self) -> None:
         question = (
-            f"{self._bench.busy()} is worked on. While your editor has the terminal you see "
-            "nothing of it and cannot stop it."
+            f"{self._bench.busy()} is active. While your editor has the terminal, you can "
+            "neither see nor stop it."
         )
         if self._bench.busy() and not await self._asked(question, "Edit"):
             return

@@ -106,7 +106,7 @@ def _ordering(order: Ordering) -> str:
 
 def _enforcement(rule: Rule) -> str:
     if not rule.decidable:
-        return "no: the LLM judges it, code cannot"
+        return "no: only the judge can assess it"
     return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"
 
 
@@ -136,7 +136,7 @@ def draft_line(draft: RuleDraft) -> Part:
     if draft.problem is not None:
         return f"✘ {draft.problem}", BAD
     if draft.entry is not None and not draft.entry.rule.decidable:
-        return "✔ can be in force; the LLM judges it, code cannot", GOOD
+        return "✔ can be put in force; only the judge can assess it", GOOD
     if draft.wrong:
         return (
             f"▲ compiles, but {len(draft.wrong)} of {count(len(draft.examples), 'example')} wrong",
@@ -157,7 +157,7 @@ def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[WrappedRow
     for trial in trials:
         if not told:
             yield row("")
-            yield row("", ("it would find", f"bold {NOTE}"))
+            yield row("", ("findings on known plans", f"bold {NOTE}"))
             told = True
         parts: list[Part] = [*_finding(trial.found)]
         if trial.flips and trial.before is not None:

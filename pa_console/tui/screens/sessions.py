@@ -212,10 +212,10 @@ class SessionsScreen(ListScreen[SessionRows]):
             return
         if not listing.marked:
             listing.mark(listing.cursor)
-            said = "Point at the other session and press c again; Esc gives it up"
+            said = "Select the other session and press c again; Esc cancels"
             self.notify(said, title="Compare", markup=False)
         elif listing.marked == listing.cursor:
-            self.notify("this is the same session: point at another one", title="Compare",
+            self.notify("this is the same session; select another one", title="Compare",
                         severity="warning", markup=False)  # fmt: skip
         else:
             first, second = Path(listing.marked), Path(listing.cursor)
@@ -244,7 +244,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         player.seek(player.duration)
         traces = player.state.missions.values()
         if not traces:
-            self.notify("it has no mission", title="Nothing exported", markup=False)
+            self.notify("the session has no mission", title="Nothing exported", markup=False)
             return
         text = "\n\n".join(trace_text(trace, opened.rules) for trace in traces)
         where = write_copy(self._copies, f"{session.log.stem}-session.txt", text)
@@ -289,5 +289,5 @@ def run_again(log: Path) -> tuple[bool, str]:
     twin = resimulate(read_log(log), world, scenario)
     if twin.equal:
         told = f"{count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')}"
-        return True, f"{told} of plans came out equal"
-    return False, f"it came out otherwise, first at {twin.first_difference or 'no picture'}"
+        return True, f"{told} of plans are equal"
+    return False, f"the results differ, first at {twin.first_difference or 'no picture'}"

@@ -35,7 +35,7 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
-HINT = "Enter changes it, Del goes back to the default"
+HINT = "Enter changes it, Del restores the default"
 _FILES = {"world": ("worlds", "world.yaml"), "rules": ("rules", "rules.yaml")}
 
 
@@ -235,7 +235,7 @@ class SettingsScreen(Screen[None]):
         changed = sum(is_chosen(self._loaded, choice) for choice in self._choices.values())
         text = Content.assemble(
             ("Settings  ", "bold $text-primary"),
-            (f"{changed} of {len(self._choices)} chosen, kept in {self._loaded.path}", QUIET),
+            (f"{changed} of {len(self._choices)} set, saved in {self._loaded.path}", QUIET),
         )
         self.query_one("#setting-title", Static).update(text)
 
@@ -281,7 +281,7 @@ class SettingsScreen(Screen[None]):
         except ValueError as error:
             self._note(f"✘ {error}", "$text-error")
         else:
-            what = "saves it" if event.value.strip() else "goes back to the default"
+            what = "saves it" if event.value.strip() else "restores the default"
             self._note(f"✔ Enter {what}, Esc leaves it as it was", "$text-success")
 
     @on(Input.Submitted, "#setting-value")
@@ -316,10 +316,10 @@ class SettingsScreen(Screen[None]):
             listing.replace_option_prompt(row_id, self._line(known))
         self._head()
         listing.focus()
-        when = "used from the next start" if choice.restart else "in force now"
+        when = "applies from the next start" if choice.restart else "in force now"
         origin = self._loaded.origin(name)
         if origin.source in ("command line", "environment"):
-            when = f"but {origin.place} wins over it"
+            when = f"but {origin.place} overrides it"
         done = "saved" if text.strip() else "back to the default"
         self._fill(f"✔ {done}, {when}", "$text-success")
         self._tell_saved(self._loaded)
@@ -362,5 +362,5 @@ def _help(loaded: LoadedSettings, choice: SettingChoice) -> list[WrappedRow]:
         origin = loaded.origin(str(choice.field[0]))
         rows.append(row(column("from", 8, QUIET), f"{origin.source}: {origin.place}"))
     if choice.restart:
-        rows.append(row(column("used", 8, QUIET), "from the next start"))
+        rows.append(row(column("applies", 8, QUIET), "from the next start"))
     return rows

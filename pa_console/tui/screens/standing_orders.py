@@ -86,7 +86,7 @@ class StandingRows(PointedRows[StandingTrace]):
             yield fact("started", told)
         if trace.withheld is not None:
             about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
-            yield fact("not", (f"{about}{trace.withheld.reason}", WARN))
+            yield fact("withheld", (f"{about}{trace.withheld.reason}", WARN))
 
     def following(self, trace: StandingTrace) -> str:
         """Return the next moment of an order and its countdown, '' for none."""
