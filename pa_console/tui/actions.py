@@ -452,9 +452,9 @@ def check_keys(keymap: Mapping[str, str]) -> None:
         for key in _split(name, own_keys(names[name], keymap)[name]):
             other = taken.setdefault(key, name)
             if other != name:
-                what = names[other].help
+                effect = names[other].help
                 problem = (
-                    f"{key_text(key)} is the key of {other} ({what}); give one of them another"
+                    f"{key_text(key)} is the key of {other} ({effect}); give one of them another"
                 )
                 raise KeymapError(name, problem)
 

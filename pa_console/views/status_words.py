@@ -150,5 +150,5 @@ def status_of(family: str, value: str) -> Status:
 
 def outcomes_in_words(outcomes: Mapping[str, int]) -> str:
     """Return the number of missions by status, e.g. `2 verified, 1 rejected`, or `none`."""
-    words = (f"{number} {status_of('mission', each).word}" for each, number in outcomes.items())
+    words = (f"{number} {status_of('mission', status).word}" for status, number in outcomes.items())
     return ", ".join(words) or "none"

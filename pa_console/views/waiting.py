@@ -107,18 +107,18 @@ class Waiting:
     @property
     def usual(self) -> dict[str, float]:
         """The usual seconds of every known step, to be saved for the next session."""
-        known = {*self._stored, *self._taken}
+        steps = {*self._stored, *self._taken}
         return {
             step: round(taken, 3)
-            for step in sorted(known - {"execute"})
+            for step in sorted(steps - {"execute"})
             if (taken := self.usual_s(step)) is not None
         }
 
     @property
     def tokens(self) -> int:
         """The approximate number of tokens of the present answer so far."""
-        each = self._characters / self._tokens if self._tokens else _CHARACTERS
-        return round(self._written / each)
+        characters_per_token = self._characters / self._tokens if self._tokens else _CHARACTERS
+        return round(self._written / characters_per_token)
 
     def line(self, now: float, state: SessionState, rate: float = 1.0) -> str:
         """Return the running step, its time so far and its usual time in words; '' for none.
@@ -198,8 +198,8 @@ def reading_line(trace: MissionTrace, base: str) -> str:
     if request is None:
         return ""
     if request.state == "not_understood":
-        told = "; ".join(request.blocked_by).removeprefix(NOT_UNDERSTOOD)
-        return f"not clear yet: {told}"
+        question = "; ".join(request.blocked_by).removeprefix(NOT_UNDERSTOOD)
+        return f"not clear yet: {question}"
     if trace.standing is not None:
         order = trace.standing.order
         return f"reads as: {trigger_in_words(order)}: {order.order_in_words}"

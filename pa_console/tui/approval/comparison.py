@@ -98,33 +98,35 @@ def said_of(trace: MissionTrace) -> str:
 
 
 def other_reading(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+    number: int, asked: str, rehearsed: RehearsedReading, world: World, request_id: str
 ) -> ComparedPlan:
     """Return the plan for another reading of the order."""
     words = plain_reading(asked)
     return ComparedPlan(
         f"(Alt+{number}) another reading",
         words,
-        PlanPreview(world, found.plan, found.rehearsal, words),
-        found.faults,
+        PlanPreview(world, rehearsed.plan, rehearsed.rehearsal, words),
+        rehearsed.faults,
         Decision(kind="choose", request_id=request_id, asked=asked),
     )
 
 
 def other_way(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
+    number: int, asked: str, rehearsed: RehearsedReading, world: World, request_id: str | None
 ) -> ComparedPlan:
     """Return another plan for the same reading; without a request, it has an order to type."""
     decision = None
     if request_id is not None:
-        decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
+        decision = Decision(
+            kind="modify", request_id=request_id, plan=rehearsed.plan, reason=OTHER_WAY
+        )
     return ComparedPlan(
         f"(Alt+{number}) another way",
         plain_reading(asked),
-        PlanPreview(world, found.plan, found.rehearsal),
-        found.faults,
+        PlanPreview(world, rehearsed.plan, rehearsed.rehearsal),
+        rehearsed.faults,
         decision,
-        order="" if decision is not None else order_for(found.plan, world.base),
+        order="" if decision is not None else order_for(rehearsed.plan, world.base),
     )
 
 
@@ -256,7 +258,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
             column.focus()
 
     def _pointed(self, columns: Iterable[CandidateColumn]) -> int:
-        return next((n for n, each in enumerate(columns) if each.has_focus), 0)
+        return next((n for n, column in enumerate(columns) if column.has_focus), 0)
 
     def action_choose(self) -> None:
         """Return the plan at the pointer; the waiting plan stays as it is."""

@@ -136,14 +136,14 @@ class ApprovalController:
         if station is None:
             return
 
-        def add(each: Alternative) -> None:
+        def add(alternative: Alternative) -> None:
             number = len(screen.columns)
-            if each.sort == "reading" and request is not None:
+            if alternative.sort == "reading" and request is not None:
                 name = request.request_id
-                screen.add(other_reading(number, each.asked, each.found, world, name))
+                screen.add(other_reading(number, alternative.asked, alternative.found, world, name))
             else:
                 name = request.request_id if request is not None else None
-                screen.add(other_way(number, each.asked, each.found, world, name))
+                screen.add(other_way(number, alternative.asked, alternative.found, world, name))
 
         await station.answer(question, add)
         if len(screen.columns) == 1:
@@ -158,22 +158,22 @@ class ApprovalController:
         station, world = self._session.station, self._session.world
         if station is None or request is None:
             return
-        known, asked = 0, said_of(trace)
+        shown, asked = 0, said_of(trace)
         for reading in request.readings:
             screen.tell(f"rehearsing: {plain_reading(reading)}; Esc stops")
-            found = await station.look_at(trace.mission, reading)
-            if found is not None:
-                known += 1
-                screen.add(other_reading(known, reading, found, world, request.request_id))
+            rehearsed = await station.look_at(trace.mission, reading)
+            if rehearsed is not None:
+                shown += 1
+                screen.add(other_reading(shown, reading, rehearsed, world, request.request_id))
         ways = station.other_ways(trace.mission, asked, request.plan)
-        while known < MOST_BESIDE and asked:
+        while shown < MOST_BESIDE and asked:
             screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc stops")
-            found = await anext(ways, None)
-            if found is None:
+            rehearsed = await anext(ways, None)
+            if rehearsed is None:
                 break
-            known += 1
-            screen.add(other_way(known, asked, found, world, request.request_id))
-        screen.tell(CHOOSE if known else NO_OTHER)
+            shown += 1
+            screen.add(other_way(shown, asked, rehearsed, world, request.request_id))
+        screen.tell(CHOOSE if shown else NO_OTHER)
 
     async def _look_at(self, asked: str) -> None:
         """Rehearse a reading once and show it, unless the plan has changed meanwhile."""
@@ -184,15 +184,15 @@ class ApprovalController:
             if main is not None:
                 main.look_at("", None)
             return
-        found = await station.look_at(trace.mission, asked)
+        rehearsed = await station.look_at(trace.mission, asked)
         if trace.approval is not request:
             return
-        if found is None:
+        if rehearsed is None:
             main.look_at(asked, None)
             return
         words = plain_reading(asked)
-        plan = PlanPreview(session.world, found.plan, found.rehearsal, words)
-        main.look_at(asked, plan, found.faults)
+        plan = PlanPreview(session.world, rehearsed.plan, rehearsed.rehearsal, words)
+        main.look_at(asked, plan, rehearsed.faults)
 
     def modify(self, *, as_json: bool = False) -> None:
         """Open the form for the waiting plan or its draft; with `as_json`, open the JSON editor."""
@@ -272,8 +272,12 @@ def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> C
 
 def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
     """Return the plan that the planner proposed last, even if the operator's own plan waits."""
-    before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
-    planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
+    before = (attempt for attempt in reversed(trace.attempts) if attempt.number <= request.attempt)
+    planned = (
+        attempt.plan
+        for attempt in before
+        if attempt.author == "planner" and attempt.plan is not None
+    )
     return next(planned, request.plan)
 
 
@@ -306,9 +310,9 @@ class AnswerScreen(ModalScreen[None]):
         panel.focus()
         self._show()
 
-    def show(self, told: QuestionAnswered) -> None:
+    def show(self, answer: QuestionAnswered) -> None:
         """Show the answer, now or when the panel is mounted; do nothing if the screen was left."""
-        self._rows = tuple(each for part in answered((told,)) for each in drawn(part)[0].rows)
+        self._rows = tuple(line for part in answered((answer,)) for line in drawn(part)[0].rows)
         self._show()
 
     def _show(self) -> None:
@@ -361,5 +365,5 @@ class QuestionController:
     async def _answer(self, question: Question, screen: AnswerScreen) -> None:
         station = self._session.station
         if station is not None:
-            told = await station.answer(question)
-            screen.show(told)
+            answer = await station.answer(question)
+            screen.show(answer)

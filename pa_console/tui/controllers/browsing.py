@@ -75,7 +75,9 @@ class BrowsingController:
 
         screen = self._app.screen
         given = () if isinstance(screen, MainScreen) else type(screen).BINDINGS
-        here = [each for each in given if isinstance(each, Binding) and each.description]
+        here = [
+            binding for binding in given if isinstance(binding, Binding) and binding.description
+        ]
         rows = help_rows(self._session.situation, self._settings.keys, here)
         self._app.push_screen(HelpScreen(rows))
 
@@ -148,10 +150,10 @@ class BrowsingController:
         shown = self._session.shown
         return shown.selected(self._session.shown_state) if shown is not None else None
 
-    def _copy(self, what: str, file: str, text: str) -> None:
+    def _copy(self, kind: str, file: str, text: str) -> None:
         self._app.copy_to_clipboard(visible(text))
         where = write_copy(self._copies or export_folder(), file, text)
-        self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
+        self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {kind}")
 
 
 def _plan_text(trace: MissionTrace) -> str:

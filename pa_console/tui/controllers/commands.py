@@ -54,10 +54,10 @@ def what_ifs(world: World) -> Iterator[WhatIf]:
     works = inc.SetRadio(latency_s=radio.latency_s, jitter_s=radio.jitter_s, loss=radio.loss)
     offers = [
         *((f"unknown vehicle at {gate}", inc.SpawnTrack(gate=gate)) for gate in world.gates),
-        *(each for gate in world.gates for each in _visitors(world, gate)),
+        *(offer for gate in world.gates for offer in _visitors(world, gate)),
         *((f"weather {weather}", inc.SetWeather(weather=weather)) for weather in _WEATHERS),
-        *(each for camera in world.cameras for each in _camera_faults(world, camera)),
-        *(each for asset in world.assets for each in _asset_troubles(world, asset)),
+        *(offer for camera in world.cameras for offer in _camera_faults(world, camera)),
+        *(offer for asset in world.assets for offer in _asset_troubles(world, asset)),
         ("every link is down", inc.SetRadio(up=False)),
         ("every link works", works),
         ("the model's worker process is killed", inc.WorkerFault()),

@@ -139,11 +139,11 @@ def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
     """
     for log in newest_logs(folder)[:MOST_SESSIONS]:
         try:
-            found = summarise(log)
+            summary = summarise(log)
         except (LogError, OSError):
             continue
-        own = (mission for mission in reversed(found.missions) if not mission.by_alarm)
-        yield [PastOrder(each.said, found.started, each.status or "") for each in own]
+        own = (mission for mission in reversed(summary.missions) if not mission.by_alarm)
+        yield [PastOrder(entry.said, summary.started, entry.status or "") for entry in own]
 
 
 def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
@@ -178,21 +178,21 @@ class ComposingController:
         """Let the operator search the orders of this and of earlier sessions."""
         typed = self._session.typed.texts
         lines = [ChoiceLine(text) for text in typed]
-        found = ChooseLine(
+        chooser = ChooseLine(
             "Earlier orders", lines, nothing="no order was given yet", more=self._with_logs
         )
-        self._choose(found)
+        self._choose(chooser)
 
     def _with_logs(self) -> Iterator[list[ChoiceLine]]:
         from pa_console.session.log.writer import default_folder  # noqa: PLC0415
 
         folder = self._settings.loaded.values.logs or default_folder()
-        known: list[PastOrder] = []
+        logged: list[PastOrder] = []
         for orders in logged_orders(folder):
-            known += orders
+            logged += orders
             yield [
                 ChoiceLine(order.text, order.note)
-                for order in merged(self._session.typed.texts, known)
+                for order in merged(self._session.typed.texts, logged)
             ]
 
     def choose_favourite(self) -> None:

@@ -58,9 +58,9 @@ class LeavingController:
         if state.active is not None:
             ends.append(f"Mission {state.active} is still active: it is cancelled.")
         ends += [
-            f"Standing order {each.order.id} is in force and ends: {each.order.text}"
-            for each in state.standing.values()
-            if each.in_force
+            f"Standing order {standing.order.id} is in force and ends: {standing.order.text}"
+            for standing in state.standing.values()
+            if standing.in_force
         ]
         if not ends or session.player is not None or session.readonly:
             self._leave_now()

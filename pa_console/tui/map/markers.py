@@ -265,11 +265,11 @@ class Markers:
             block = [list(self._listed(part)) for part in parts]
             if cells := labels.place(at, spots, block, gap=1, most=most):
                 return [cells]
-        each = [
+        labels_apart = [
             labels.place(at, [marker.spot], [list(self._listed([marker]))], gap=1, most=most)
             for marker in here
         ]
-        return [cells for cells in each if cells]
+        return [cells for cells in labels_apart if cells]
 
     def _listed(self, here: Sequence[Marker]) -> Iterator[Run]:
         for count, marker in enumerate(here):

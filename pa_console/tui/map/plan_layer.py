@@ -70,7 +70,7 @@ class PlanLayer:
                 lines = list(self._lines(changes.get(place), place, coming))
                 spot = view.spot(at)
                 beside = (
-                    labels.place(view.cell(at), [spot], [one], most=FARTHEST) for one in lines
+                    labels.place(view.cell(at), [spot], [text], most=FARTHEST) for text in lines
                 )
                 if not any(beside) and (name := ground.names.get(place)):
                     behind = name[0] + len(place), name[1]

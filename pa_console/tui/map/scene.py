@@ -292,7 +292,7 @@ class Contacts:
 
 def short_name(name: str) -> str:
     """Return `name` for the map: shortened, and with characters that are one cell wide."""
-    plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
+    plain = "".join(character if cell_len(character) == 1 else "?" for character in name)
     return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
 
 

@@ -126,9 +126,9 @@ def open_beside(
 ) -> None:
     """Open `log`, with a progress dialog if it is large, and pass it to `then`; show any error."""
 
-    def opened(found: Opened | None) -> None:
-        if found is not None:
-            then(found)
+    def opened(opened_log: Opened | None) -> None:
+        if opened_log is not None:
+            then(opened_log)
 
     try:
         if is_large(log):

@@ -172,9 +172,9 @@ class ManualScreen(Screen[None]):
         headings = text.table_of_contents
         text.query(f".{FOUND}").remove_class(FOUND)
         if 0 < heading < len(headings):
-            found = text.query_one(f"#{headings[heading][2]}")
-            found.add_class(FOUND)
-            found.scroll_visible(top=True, animate=False)
+            target = text.query_one(f"#{headings[heading][2]}")
+            target.add_class(FOUND)
+            target.scroll_visible(top=True, animate=False)
         else:
             self.query_one("#manual-page", VerticalScroll).scroll_home(animate=False)
 
@@ -190,7 +190,8 @@ def help_rows(
     if here:
         rows.append(row("", ("On this screen", f"bold {NOTE}")))
         rows += [
-            row(["  ", column(key_text(each.key), 10, "bold")], each.description) for each in here
+            row(["  ", column(key_text(binding.key), 10, "bold")], binding.description)
+            for binding in here
         ]
     for group in GROUPS:
         rows.append(row("", (group, f"bold {NOTE}")))

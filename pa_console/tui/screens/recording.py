@@ -183,13 +183,13 @@ class RecordingScreen(MainScreen):
         self._seen_at = self._clock()
         self.move(Player.pause if self.player.playing else Player.play)
 
-    def jump(self, what: str, by: int) -> None:
+    def jump(self, mark: str, by: int) -> None:
         """Go to the next or previous mark of a kind in MARKS; show a notice if there is none."""
 
         def how(player: Player) -> None:
-            if not (player.next_mark(MARKS[what]) if by > 0 else player.mark_back(MARKS[what])):
+            if not (player.next_mark(MARKS[mark]) if by > 0 else player.mark_back(MARKS[mark])):
                 where = "after" if by > 0 else "before"
-                self.notify(f"no {what} {where} this moment", title="Replay", markup=False)
+                self.notify(f"no {mark} {where} this moment", title="Replay", markup=False)
 
         self.move(how)
 
@@ -252,14 +252,14 @@ def read_position(text: str, player: Player) -> int:
     timeline, text = player.recording.timeline, "".join(text.split()).lower()
     if text == "end":
         return len(timeline)
-    if found := re.fullmatch(r"#(\d{1,12})", text):
-        return min(int(found[1]), len(timeline))
-    if (found := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)%", text)) and float(found[1]) <= 100:
-        return timeline.count_until(timeline.duration * float(found[1]) / 100)
-    found = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
-    if found is None:
+    if match := re.fullmatch(r"#(\d{1,12})", text):
+        return min(int(match[1]), len(timeline))
+    if (match := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)%", text)) and float(match[1]) <= 100:
+        return timeline.count_until(timeline.duration * float(match[1]) / 100)
+    match = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
+    if match is None:
         raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
-    sign, seconds = found[1], _seconds(found[2])
+    sign, seconds = match[1], _seconds(match[2])
     if sign == "s":
         if not timeline.ticks_per_s:
             raise ValueError("this recording has no telemetry, and so no session clock")
@@ -376,8 +376,8 @@ class FindEvent(ModalScreen[int | None]):
         try:
             for first in range(0, end, STEP):
                 last = min(first + STEP, end)
-                found = search(self._recording, text, first, last)
-                hits += await asyncio.to_thread(list, found)
+                matches = search(self._recording, text, first, last)
+                hits += await asyncio.to_thread(list, matches)
                 if len(hits) >= MOST:
                     break
                 if end > STEP:

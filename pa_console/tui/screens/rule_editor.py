@@ -131,14 +131,16 @@ class RuleEditor(Screen[str]):
                 return CheckedDraft(draft, ())
             return CheckedDraft(draft, try_rule(draft.entry, cases, self._bench.world, opened.id))
 
-        found = await asyncio.to_thread(examine)
+        checked = await asyncio.to_thread(examine)
         if text == self.text:
-            self.checked = found
-            self.query_one("#rule-status", Static).update(Content.assemble(draft_line(found.draft)))
-            rows = tuple(draft_rows(found.draft, found.trials))
+            self.checked = checked
+            self.query_one("#rule-status", Static).update(
+                Content.assemble(draft_line(checked.draft))
+            )
+            rows = tuple(draft_rows(checked.draft, checked.trials))
             rows = rows or (row("", ("examples and plans are tried once it compiles", QUIET)),)
             self.query_one("#rule-sheet", TextRows).show(rows)
-        return found
+        return checked
 
     def action_to_problem(self) -> None:
         """Move the cursor to the problem."""
@@ -153,8 +155,8 @@ class RuleEditor(Screen[str]):
         self.run_worker(self._save(), group="save", exclusive=True)
 
     async def _save(self) -> None:
-        found = await self._examine()
-        draft = found.draft
+        checked = await self._examine()
+        draft = checked.draft
         if draft.problem is not None:
             self._failed(str(draft.problem))
             self.action_to_problem()
@@ -216,8 +218,8 @@ class RuleEditor(Screen[str]):
         return bool(await self.app.push_screen_wait(Confirm(question, yes=yes, no="Back")))
 
     def _failed(self, problem: str) -> None:
-        told = f"{problem}. The draft is kept."
-        self.notify(told, title="Not saved", severity="error", markup=False)
+        message = f"{problem}. The draft is kept."
+        self.notify(message, title="Not saved", severity="error", markup=False)
 
     def action_outside(self) -> None:
         """Edit the rule in the user's own editor."""

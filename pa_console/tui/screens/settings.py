@@ -53,8 +53,8 @@ def known_values(name: str) -> list[str]:
             return [entry.name for entry in Catalog.load().models]
         case "world" | "rules":
             kind, _ = _FILES[name]
-            found = sorted((data_folder() / kind).iterdir())
-            return [path.stem for path in found if _is_installed(name, path.stem)]
+            entries = sorted((data_folder() / kind).iterdir())
+            return [path.stem for path in entries if _is_installed(name, path.stem)]
         case _:
             return []
 
@@ -97,8 +97,8 @@ def unknown(name: str, value: str) -> str:
         except ModelError as error:
             return str(error)
         return ""
-    found = value in theme_names() if name == "theme" else _is_installed(name, value)
-    return "" if found else f"there is no {name} “{value}”; known: {', '.join(known_values(name))}"
+    exists = value in theme_names() if name == "theme" else _is_installed(name, value)
+    return "" if exists else f"there is no {name} “{value}”; known: {', '.join(known_values(name))}"
 
 
 @dataclass(frozen=True)
@@ -281,8 +281,8 @@ class SettingsScreen(Screen[None]):
         except ValueError as error:
             self._note(f"✘ {error}", "$text-error")
         else:
-            what = "saves it" if event.value.strip() else "restores the default"
-            self._note(f"✔ Enter {what}, Esc leaves it as it was", "$text-success")
+            effect = "saves it" if event.value.strip() else "restores the default"
+            self._note(f"✔ Enter {effect}, Esc leaves it as it was", "$text-success")
 
     @on(Input.Submitted, "#setting-value")
     def _typed(self, event: Input.Submitted) -> None:
@@ -312,8 +312,8 @@ class SettingsScreen(Screen[None]):
             self._note(f"✘ not saved: {error.filename}: {error.strerror}", "$text-error")
             return
         listing = self.query_one("#setting-list", OptionList)
-        for row_id, known in self._choices.items():
-            listing.replace_option_prompt(row_id, self._line(known))
+        for row_id, choice_of_row in self._choices.items():
+            listing.replace_option_prompt(row_id, self._line(choice_of_row))
         self._head()
         listing.focus()
         when = "applies from the next start" if choice.restart else "in force now"

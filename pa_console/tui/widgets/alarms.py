@@ -35,17 +35,17 @@ def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str)
     mark = term("alarm", alarm.priority)
     seen = term("seen", "seen" if item.acknowledged else "new")
     answer = answers.get(alarm.id)
-    told: tuple[str, str] = ("", "")
+    mission: tuple[str, str] = ("", "")
     if answer is not None and answer.status is None:
         doing = "works on it" if answer.mission.id == active else "waits"
-        told = (f"  {answer.mission.id} {doing}", QUIET)
+        mission = (f"  {answer.mission.id} {doing}", QUIET)
     distance = f" ({alarm.distance_m:.0f} m)" if alarm.distance_m is not None else ""
     return Content.assemble(
         column(f"{mark.glyph} {mark.word}", 11, f"bold {mark.style}"),
         column(f"{seen.glyph} {seen.word}", 6, seen.style),
         (visible(alarm.text), "" if item.acknowledged else "bold"),
         distance,
-        told,
+        mission,
         (f"  since {clock_text(alarm.raised_s)}", QUIET),
     )
 
@@ -74,8 +74,8 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
 
 def answering(state: SessionState) -> dict[str, MissionTrace]:
     """Return the unfinished mission that answers each open alarm."""
-    known = [alarm for alarm in state.open_alarms if alarm in state.answers]
-    return {alarm: state.missions[state.answers[alarm]] for alarm in known}
+    answered = [alarm for alarm in state.open_alarms if alarm in state.answers]
+    return {alarm: state.missions[state.answers[alarm]] for alarm in answered}
 
 
 def summary(state: SessionState, width: int) -> Content:
@@ -130,9 +130,9 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     """Yield the stop until it is released, and whether the assets have confirmed it."""
     if stop is None:
         return
-    told = f"  {stop.held} hold" if stop.orders else ""
+    held = f"  {stop.held} hold" if stop.orders else ""
     yield (" ■ ALL STOPPED ", f"bold {_FILL[BAD]}")
-    yield (told, "bold")
+    yield (held, "bold")
     if stop.overdue:
         first, *others = stop.overdue
         more = f" and {len(others)} more" if others else ""

@@ -87,12 +87,12 @@ class RunFilter(NamedTuple):
 
 
 def _has(record: RunRecord, words: Sequence[str]) -> bool:
-    known = " ".join(
+    facts = " ".join(
         (record.run, record.mission, record.model, record.variant, record.category, record.world,
          record.status, *record.tags, *(breach.rule_id for breach in record.broken),
          record.command)
     ).lower()  # fmt: skip
-    return all(word in known for word in words)
+    return all(word in facts for word in words)
 
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
