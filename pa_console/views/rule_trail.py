@@ -14,6 +14,13 @@ from pa_console.session.mission_trace import Attempt, MissionTrace
 
 _NAME = re.compile(r"[\w-]+")
 
+RuleDeed = Literal[
+    "retrieved", "decided", "broken", "not applicable", "judged", "blocked", "acknowledged",
+    "refused", "sent back", "halted", "prescribed",
+]  # fmt: skip
+BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
+"""The effects that mean that the rule was broken, or that it prevented something."""
+
 
 @dataclass(frozen=True)
 class DecisionEvidence:
@@ -133,14 +140,6 @@ def _decided(rule_id: str, trace: MissionTrace) -> Iterator[tuple[int, Finding]]
                 "judged_only",
             ):
                 yield attempt.number, finding
-
-
-RuleDeed = Literal[
-    "retrieved", "decided", "broken", "not applicable", "judged", "blocked", "acknowledged",
-    "refused", "sent back", "halted", "prescribed",
-]  # fmt: skip
-BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
-"""The effects that mean that the rule was broken, or that it prevented something."""
 
 
 @dataclass(frozen=True)

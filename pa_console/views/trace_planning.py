@@ -43,14 +43,14 @@ Rules = Mapping[str, Rule]
 """The rules of the session by id; a missing rule is shown as unknown."""
 
 _LABEL = 10
+_MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 _JSON_PART = re.compile(
     r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
 )
 _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
 MOST_GATES = 12
-"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones.
-"""
+"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones."""
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
@@ -249,9 +249,6 @@ def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSec
     note = cost if usage.completion_tokens else ""
     blocks = (Text(text, verbatim=True),)
     return TraceSection(key, title, blocks, step=step, note=note, collapsed=True)
-
-
-_MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 
 def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> TraceSection:

@@ -1,18 +1,22 @@
 """Two recordings side by side, at the first event in which they differ."""
 
+from functools import partial
+from pathlib import Path
+
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
-from textual.screen import ModalScreen
+from textual.screen import ModalScreen, Screen
 from textual.widgets import Label, Static
 
 from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player, Recording
-from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared
 from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.surroundings import SecondsClock
@@ -151,6 +155,16 @@ class CompareScreen(ModalScreen[None]):
         name = self.query_one(f"#compare-name-{place}", Static)
         note = f"  {side.note}" if side.note else ""
         name.update(f"{'AB'[place]}  {side.name}{note}")
+
+
+def open_comparison(over: Screen[None], own: PlayableLog, other: Path, clock: SecondsClock) -> None:
+    """Open the log `other` and show where it differs from `own`; show any error."""
+    opening = partial(open_compared, other, KnownWorld.of(own.world, own.recording))
+
+    def show(opened: OpenedLog) -> None:
+        over.app.push_screen(CompareScreen(own, opened, clock))
+
+    open_beside(over, other, opening, show, "Not opened")
 
 
 def heading(

@@ -112,11 +112,6 @@ class _LeftError(Exception):
     """Raised in the reading thread after the operator has left the dialog."""
 
 
-def is_large(log: Path) -> bool:
-    """Return whether opening `log` may take so long that progress is shown; may raise OSError."""
-    return log.stat().st_size >= LARGE
-
-
 def open_beside(
     over: Screen[None],
     log: Path,
@@ -131,7 +126,7 @@ def open_beside(
             then(opened_log)
 
     try:
-        if is_large(log):
+        if log.stat().st_size >= LARGE:
             over.app.push_screen(OpeningLog(log, opening), opened)
         else:
             then(opening(None))

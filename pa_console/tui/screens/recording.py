@@ -4,7 +4,6 @@ import asyncio
 import re
 from collections.abc import Callable, Mapping
 from datetime import timedelta
-from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -16,12 +15,10 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import clock_text
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.log_index import Progress
 from pa_console.session.recording import Player, Recording
 from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
@@ -215,30 +212,21 @@ class RecordingScreen(MainScreen):
 
     def compare(self) -> None:
         """Ask for another recording and show where it differs from this one."""
-        from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
-        from pa_console.tui.screens.compare import CompareScreen  # noqa: PLC0415
-        from pa_console.tui.screens.dialogs import AskLine, OpeningLog, is_large  # noqa: PLC0415
+        from pa_console.tui.recordings import PlayableLog  # noqa: PLC0415 - not at the start
+        from pa_console.tui.screens.compare import open_comparison  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import AskLine  # noqa: PLC0415
 
-        known = KnownWorld.of(self.world, self.player.recording)
+        own = PlayableLog("this one", self.player.recording, self.world, self.rules)
 
-        def opened(path: Path, progress: Progress | None = None) -> OpenedLog:
-            return open_compared(path, known, progress)
-
-        def read(text: str) -> OpenedLog | Path:
+        def read(text: str) -> Path:
             path = Path(text).expanduser()
             if not path.is_file():
                 raise ValueError(f"{path}: there is no such log")
-            try:
-                return path if is_large(path) else opened(path)
-            except (DocumentError, OSError) as error:
-                raise ValueError(str(error)) from error
+            return path
 
-        def given(other: OpenedLog | Path | None) -> None:
-            if isinstance(other, Path):
-                self.app.push_screen(OpeningLog(other, partial(opened, other)), given)
-            elif other is not None:
-                own = OpenedLog("this one", self.player.recording, self.world, self.rules)
-                self.app.push_screen(CompareScreen(own, other, self._clock))
+        def given(other: Path | None) -> None:
+            if other is not None:
+                open_comparison(self, own, other, self._clock)
 
         question = "Which session log is to be compared with this one?"
         self.app.push_screen(AskLine(question, "Enter compares, Esc goes back", read), given)

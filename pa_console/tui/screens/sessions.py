@@ -14,15 +14,14 @@ from pa_console.evaluation.twin import resimulate
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import read_log, session_start
-from pa_console.session.log_index import Progress
 from pa_console.session.past_sessions import SessionSummary, Soundness, past_sessions, soundness
 from pa_console.session.recording import Player
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
-from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared, open_log
+from pa_console.tui.recordings import PlayableLog, open_log
 from pa_console.tui.rows import WrappedRow, fact, row
-from pa_console.tui.screens.compare import CompareScreen
+from pa_console.tui.screens.compare import open_comparison
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.screens.recording import RecordingScreen
@@ -223,15 +222,7 @@ class SessionsScreen(ListScreen[SessionRows]):
             self._with_log(first, partial(self._compare, second))
 
     def _compare(self, second: Path, first: PlayableLog) -> None:
-        known = KnownWorld.of(first.world, first.recording)
-
-        def opening(progress: Progress | None) -> OpenedLog:
-            return open_compared(second, known, progress)
-
-        def both(other: OpenedLog) -> None:
-            self.app.push_screen(CompareScreen(first, other, self._clock))
-
-        open_beside(self, second, opening, both, PROBLEM)
+        open_comparison(self, first, second, self._clock)
 
     def action_export(self) -> None:
         """Write the traces of all missions of the session to a file."""
