@@ -184,7 +184,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
     """
 
     BINDINGS = [
-        Binding("escape", "leave", "Back"),
+        Binding("escape", "dismiss", "Back"),
         Binding("enter", "choose", "Choose"),
         Binding("left,up", "point(-1)", "Before", show=False),
         Binding("right,down", "point(1)", "Next", show=False),
@@ -247,14 +247,11 @@ class PlanComparison(Screen[ComparedPlan | None]):
     def action_point(self, by: int) -> None:
         """Point at the previous or the next plan."""
         columns = self.columns
-        self._point((self._pointed(columns) + by) % len(columns))
+        self.action_point_at((self._pointed(columns) + by) % len(columns))
 
     def action_point_at(self, number: int) -> None:
-        """Point at another plan by its number."""
-        self._point(number)
-
-    def _point(self, index: int) -> None:
-        for column in self.columns[index : index + 1]:
+        """Point at a plan by its number, 0 for the first; do nothing if there is none."""
+        for column in self.columns[number : number + 1]:
             column.focus()
 
     def _pointed(self, columns: Iterable[CandidateColumn]) -> int:
@@ -264,7 +261,3 @@ class PlanComparison(Screen[ComparedPlan | None]):
         """Return the plan at the pointer; the waiting plan stays as it is."""
         columns = self.columns
         self.dismiss(columns[self._pointed(columns)].candidate)
-
-    def action_leave(self) -> None:
-        """Go back without a choice."""
-        self.dismiss(None)

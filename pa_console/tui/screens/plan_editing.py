@@ -389,7 +389,8 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
             yield Static("The changed plan goes through all safeguards again.", id="editor-note")
             yield PlanField(self.draft, id="editor-text", tab_behavior="focus", compact=True)
             yield Static(id="editor-error", markup=False)
-            yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
+            usage = (f"{verb}{' FRAME' * spec.takes_frame}" for verb, spec in COMMANDS.items())
+            yield Static(f"commands: {', '.join(usage)}", id="editor-help", markup=False)
             with Horizontal(id="editor-buttons"):
                 yield Button("Back (Esc)", id="leave", compact=True)
                 yield Button("Send (^S)", id="send", variant="primary", compact=True)
@@ -439,7 +440,3 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
         """Restore the proposed plan; undo brings the typed text back."""
         area = self.query_one(TextArea)
         area.replace(self._proposed, area.document.start, area.document.end)
-
-
-def _usage() -> list[str]:
-    return [f"{verb} FRAME" if spec.takes_frame else verb for verb, spec in COMMANDS.items()]

@@ -46,7 +46,7 @@ class PolicyScreen(Screen[str]):
     """
 
     BINDINGS = [
-        Binding("escape,f6", "close", "Back"),
+        Binding("escape,f6", "dismiss", "Back"),
         Binding("slash", "search", "Search"),
         Binding("e", "edit", "Edit"),
         Binding("n", "new", "New"),
@@ -262,10 +262,6 @@ class PolicyScreen(Screen[str]):
 
     def _refused(self, problem: str) -> None:
         self.notify(problem, title="Rules", severity="error", markup=False)
-
-    def action_close(self) -> None:
-        """Go back to the console."""
-        self.dismiss()
 
     def action_search(self) -> None:
         """Focus the search field."""
