@@ -49,7 +49,7 @@ class Labels:
     def __init__(self, canvas: Canvas, barriers: Barriers) -> None:
         self._canvas, self._barriers = canvas, barriers
         self._taken = barriers.rows()
-        self._kept_names: set[Cell] = set()
+        self._kept_names = set[Cell]()
         for cell in canvas.marks:
             self.keep(cell)
 
@@ -59,18 +59,20 @@ class Labels:
             self._taken[cell[1]][cell[0]] = 1
 
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
-        """Write a line at `start` unless a marker or a kept name is in the way; return success.
+        """Write a line at `start` unless a marker or another name is in the way; return success.
 
-        With `keep`, no other name hides the line. A number right after the line is in its way too,
-        because it would read as a part of the name.
+        With `keep`, no other name hides the line. A number right after the line would read as a
+        part of it, so the line then begins one cell earlier.
         """
-        cells = [(start[0] + n, start[1]) for n in range(sum(len(text) for text, _ in line))]
-        behind = cells[-1][0] + 1, cells[-1][1]
-        numbered = behind in self._canvas.marks and self._canvas.at(behind)[0].isdigit()
+        (column, row), width = start, sum(len(text) for text, _ in line)
+        behind = column + width, row
+        if behind in self._canvas.marks and self._canvas.at(behind)[0].isdigit():
+            column -= 1
+        cells = [(column + n, row) for n in range(width)]
         taken = self._canvas.marks.keys() | self._kept_names
-        if numbered or not taken.isdisjoint(cells):
+        if column < 0 or not taken.isdisjoint(cells):
             return False
-        self._write_line(start, line)
+        self._write_line((column, row), line)
         for cell in cells if keep else ():
             self.keep(cell)
         self._kept_names.update(cells if keep else ())

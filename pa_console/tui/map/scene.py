@@ -206,10 +206,10 @@ class Frames:
                 canvas.put(cell, glyph, below)
             self._displaced.append((frame, run))
 
-    def name_displaced(self, most: float) -> None:
-        """Write the remaining names where the markers have left room, at a cost below `most`."""
+    def name_displaced(self) -> None:
+        """Write the remaining names where the markers have left room for them."""
         for frame, name in self._displaced:
-            self._place(frame, [name], most)
+            self._place(frame, [name])
 
     def _loose_name(self, frame: Frame, start: Cell, line: list[Run]) -> "_LooseName":
         """Return the name at the end of `line`, not yet drawn, and the cells beneath it."""
@@ -398,7 +398,8 @@ class MapScene:
                 fault = [[(f"{hidden}{symbol.name}", symbol.role)]]
                 labels.place(at, [spot], fault, gap=len(hidden))
             frames.erase_hidden()
-            frames.name_displaced(_ADJOINING if crowded else inf)
+            if not crowded:
+                frames.name_displaced()
             reported.draw(named, None if crowded else labels)
             return named
 

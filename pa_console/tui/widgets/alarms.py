@@ -85,16 +85,16 @@ def summary(state: SessionState, width: int) -> Content:
     end of the alarm's text, then the weather. A stop, the number of alarms and the priority of the
     worst one are always kept.
     """
-    queue, weather = state.queue, list(_weather(state))
-    ends = [*_queue(queue), *weather, *_scenario(state)]
     head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
     worst = _worst(state.alarms)
     line = Content.assemble(head, visible(worst.alarm.text)) if worst else head
-    wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
-    if _length(ends) > width - wanted:
-        ends = [*_queue(queue), *weather]
-    if _length(ends) > width - line.cell_length:
-        ends = [*_queue(queue, names_next=False), *weather]
+    queue, weather = state.queue, [*_weather(state)]
+    ways = (
+        [*_queue(queue), *weather, *_scenario(state)],
+        [*_queue(queue), *weather],
+        [*_queue(queue, names_next=False), *weather],
+    )
+    ends = next((ends for ends in ways if line.cell_length + _length(ends) <= width), ways[-1])
     while ends and _length(ends) > width - head.cell_length:
         ends.pop()
     line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
