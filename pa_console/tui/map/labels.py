@@ -62,21 +62,27 @@ class Labels:
         """Write a line at `start` unless a marker or another name is in the way; return success.
 
         With `keep`, no other name hides the line. A number right after the line would read as a
-        part of it, so the line then begins one cell earlier.
+        part of it: a line to keep then begins one cell earlier, and another is not written.
         """
         (column, row), width = start, sum(len(text) for text, _ in line)
-        behind = column + width, row
+        behind, taken = (column + width, row), self._canvas.marks.keys() | self._kept_names
+        cells = [(column + n, row) for n in range(width)]
         if behind in self._canvas.marks and self._canvas.at(behind)[0].isdigit():
             column -= 1
-        cells = [(column + n, row) for n in range(width)]
-        taken = self._canvas.marks.keys() | self._kept_names
-        if column < 0 or not taken.isdisjoint(cells):
+            cells.insert(0, (column, row))
+            if not keep or column < 0:
+                return False
+        if not taken.isdisjoint(cells):
             return False
         self._write_line((column, row), line)
-        for cell in cells if keep else ():
-            self.keep(cell)
-        self._kept_names.update(cells if keep else ())
+        if keep:
+            self._keep_name(cells)
         return True
+
+    def _keep_name(self, cells: Sequence[Cell]) -> None:
+        for cell in cells:
+            self.keep(cell)
+        self._kept_names.update(cells)
 
     def place(
         self, at: Cell, spots: Sequence[Spot], block: Block, gap: int = 0, most: float = inf
@@ -165,9 +171,7 @@ class Labels:
         for row, line in enumerate(block, start=top):
             self._write_line((left, row), line)
             cells += [(left + offset, row) for offset in range(width)]
-        for cell in cells:
-            self.keep(cell)
-        self._kept_names.update(cells)
+        self._keep_name(cells)
         return cells
 
     def _write_line(self, start: Cell, line: Sequence[Run]) -> None:
