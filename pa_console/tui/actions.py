@@ -167,7 +167,7 @@ def _refusal(need: Need, now: ActionContext) -> str:
         "undecided": (now.approval, "no mission waits for your answer"),
         "agents": (now.agents, "no agent has proposed anything"),
         "stopped": (now.stopped, "nothing is stopped"),
-        "left": (now.left, "no standing order of the last session is left"),
+        "left": (now.left, "the last session left no standing order"),
     }[need]
     return "" if legal else why
 
@@ -192,11 +192,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Look at the recorded sessions: open, compare, export, run again", "View",
                   words="export save replay recording history log"),
     ConsoleAction("standing_orders", "V", "Standing orders",
-                  "Look at the standing orders, what they have started, and revoke one", "Mission",
+                  "Look at the standing orders and their missions; pause or revoke one", "Mission",
                   words="whenever revoke automatic repeat"),
     ConsoleAction("take_up", "ctrl+n,U", "Take up again",
-                  "Give the standing orders again that were in force at the end of the last "
-                  "session; each waits for your approval", "Mission", needs=(*_COMMAND, "left"),
+                  "Give the last session's standing orders again; each waits for your approval",
+                  "Mission", needs=(*_COMMAND, "left"),
                   confirmed=True, words="last shift resume"),
     ConsoleAction(
         "approval", "f7,g", "To approval", "Go to the plan that waits for a decision",
@@ -214,12 +214,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         confirmed=True,
     ),
     ConsoleAction(
-        "release", "ctrl+l", "Release stop", "Release the stop, after a question: missions are "
-        "taken again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
+        "release", "ctrl+l", "Release stop", "Release the stop, after a question; missions are "
+        "then taken again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
     ),
     ConsoleAction(
-        "take_command", "ctrl+k", "Take command", "Take command from the station whose session was "
-        "joined, after a question: this console opens again as the one in command", "Safety",
+        "take_command", "ctrl+k", "Take command", "Take command from the joined station, after a "
+        "question; this console opens again as the one in command", "Safety",
         needs=("live", "commander"), words="takeover epoch station",
     ),
     ConsoleAction(
@@ -238,8 +238,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("go_first", "alt+b,b", "Let first",
-                  "Let the next mission go before the one that waits for your answer; that one "
-                  "waits again and is planned anew", "Queue",
+                  "Let the next mission go before the one that waits for your answer, which is "
+                  "then queued and planned again", "Queue",
                   needs=(*_COMMAND, "queue", "undecided"), confirmed=True,
                   words="queue question stuck behind"),
     ConsoleAction("defer", "z", "Defer", "Let every other mission go before the one at the pointer",
@@ -249,15 +249,15 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("mute_agent", "A,ctrl+g", "Mute agent",
-                  "Mute the agent that proposed last: its open proposals end; or let it propose "
+                  "Mute the agent that proposed last and end its proposals, or let it propose "
                   "again", "Queue", needs=(*_COMMAND, "agents"),
                   confirmed=True, words="mcp agent silence"),
-    ConsoleAction("follow", "t", "Follow", "Keep what the alarm at the pointer is about in view",
+    ConsoleAction("follow", "t", "Follow", "Keep the subject of the alarm at the pointer in view",
                   "Map"),
-    ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Nearer", "Zoom the map in", "Map"),
-    ConsoleAction("zoom_out", "comma,less_than_sign", "Farther", "Zoom the map out", "Map"),
+    ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Zoom in", "Zoom the map in", "Map"),
+    ConsoleAction("zoom_out", "comma,less_than_sign", "Zoom out", "Zoom the map out", "Map"),
     ConsoleAction("sensors", "v", "Sensors",
-                  "Show on the map what cameras see, then what assets see too, then neither",
+                  "Show the fields of view of cameras, then of assets too, then neither",
                   "Map"),
     ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map", palette=False),
     ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map", palette=False),
@@ -265,7 +265,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("pan_down", "shift+down", "South", "Look further south", "Map", palette=False),
     ConsoleAction("filter", "f", "Filter", "Filter assets, tracks and cameras by any words",
                   "View", opens_field=True),
-    ConsoleAction("problems", "F", "Problems", "Show only what is urgent, or all again", "View"),
+    ConsoleAction("problems", "F", "Problems",
+                  "Show only rows that need attention, or all rows again", "View"),
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
                   needs=("live", "types"), opens_field=True),
     ConsoleAction("history", "ctrl+r", "Earlier orders",
@@ -280,13 +281,13 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Mission", needs=_COMMAND,
                   words="save favourite template"),
     ConsoleAction("thing", "ctrl+o", "Asset, place",
-                  "Choose an asset, a track or a place, and what to order for it", "Mission",
+                  "Choose an asset, a track or a place, and then an order for it", "Mission",
                   words="card menu gate click send"),
-    ConsoleAction("leave", "escape", "Leave", "Leave the field; what was typed stays",
+    ConsoleAction("leave", "escape", "Leave", "Leave the field; the typed text stays",
                   "Mission", palette=False),
-    ConsoleAction("earlier", "left_square_bracket", "Earlier", "Trace of the mission before",
-                  "View", needs=("idle_trace",)),
-    ConsoleAction("later", "right_square_bracket", "Later", "Trace of the mission after",
+    ConsoleAction("earlier", "left_square_bracket", "Earlier",
+                  "Show the trace of the previous mission", "View", needs=("idle_trace",)),
+    ConsoleAction("later", "right_square_bracket", "Later", "Show the trace of the next mission",
                   "View", needs=("idle_trace",)),
     ConsoleAction("copy_trace", "y", "Copy trace", "Copy the trace, and write it to a file",
                   "Copy", needs=("idle_trace",),
@@ -312,13 +313,13 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   needs=("replay",), footer=True),
     ConsoleAction("next_mission", "n", "Next mission", "Jump to the next mission", "Replay",
                   needs=("replay",), footer=True),
-    ConsoleAction("mission_before", "N", "Mission before", "Jump to the mission before", "Replay",
-                  needs=("replay",)),
+    ConsoleAction("mission_before", "N", "Previous mission",
+                  "Jump to the previous mission", "Replay", needs=("replay",)),
     ConsoleAction("next_finding", "w", "Next finding",
                   "Jump to the next finding, override, alarm, refusal or fault", "Replay",
                   needs=("replay",), footer=True),
-    ConsoleAction("finding_before", "W", "Finding before",
-                  "Jump to the finding, override, alarm, refusal or fault before", "Replay",
+    ConsoleAction("finding_before", "W", "Previous finding",
+                  "Jump to the previous finding, override, alarm, refusal or fault", "Replay",
                   needs=("replay",)),
     ConsoleAction("to_moment", "G", "To a time", "Jump to a time or an event that you type",
                   "Replay", needs=("replay",), footer=True),
@@ -451,9 +452,9 @@ def check_keys(keymap: Mapping[str, str]) -> None:
         for key in _split(name, own_keys(names[name], keymap)[name]):
             other = taken.setdefault(key, name)
             if other != name:
-                what = names[other].help
+                effect = names[other].help
                 problem = (
-                    f"{key_text(key)} is the key of {other} ({what}); give one of them another"
+                    f"{key_text(key)} is the key of {other} ({effect}); give one of them another"
                 )
                 raise KeymapError(name, problem)
 

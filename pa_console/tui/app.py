@@ -65,8 +65,7 @@ def closed_by(joined: JoinedTo) -> str:
     """Return the reason why a console that shows another station's session takes no missions."""
     may = "you may countersign and stop" if joined.signer else "you may watch and stop"
     more = "" if joined.command_question is None else f"; {first_key('take_command')} takes command"
-    where = f"The session of {joined.station}: it is commanded there"
-    return f"{where}; / asks Why?; {may}{more}"
+    return f"{joined.station} commands this session; / asks Why?; {may}{more}"
 
 
 Opening = Callable[["ConsoleApp"], None]

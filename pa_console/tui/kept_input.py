@@ -84,7 +84,7 @@ class History:
         Line breaks are kept; blank lines and extra spaces are removed.
         """
         text = "\n".join(line for part in text.splitlines() if (line := " ".join(part.split())))
-        self._texts = self._newest([*(known for known in self._texts if known != text), text])
+        self._texts = self._newest([*(earlier for earlier in self._texts if earlier != text), text])
         self._at, self._draft = len(self._texts), ""
         if self._file is not None:
             with suppress(OSError):

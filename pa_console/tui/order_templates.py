@@ -30,13 +30,15 @@ class Slot(NamedTuple):
 
 def slots(text: str) -> list[Slot]:
     """Return the open slots of a text, in order."""
-    return [Slot(found.start(), found.end(), found[1]) for found in _SLOT.finditer(text)]
+    return [Slot(match.start(), match.end(), match[1]) for match in _SLOT.finditer(text)]
 
 
 def next_slot(text: str, after: int) -> Slot | None:
     """Return the first open slot at or after position `after`, or else the first in the text."""
-    found = slots(text)
-    return next((slot for slot in found if slot.start >= after), found[0] if found else None)
+    open_slots = slots(text)
+    return next(
+        (slot for slot in open_slots if slot.start >= after), open_slots[0] if open_slots else None
+    )
 
 
 class OrderForm(NamedTuple):
@@ -71,13 +73,13 @@ def templates(world: World) -> list[str]:
     If only some kinds of assets can carry out a command, its asset slot names a kind.
     """
     kinds: set[AssetKind] = {spec.kind for spec in world.assets.values()}
-    found: list[str] = []
+    texts: list[str] = []
     for form in FORMS:
         able = kinds & COMMANDS[form.verb].kinds
         if able:
             slot = "asset" if able == kinds else PLAIN_KINDS[min(able, key=KINDS.index)]
-            found.append(form.text.replace("{asset}", f"{{{slot}}}"))
-    return found
+            texts.append(form.text.replace("{asset}", f"{{{slot}}}"))
+    return texts
 
 
 class Completion(NamedTuple):
@@ -135,15 +137,15 @@ class OrderNames:
         if any(name.lower() == low for name in names):
             return None
         if len(typed) >= LEAST_TYPED:
-            found = tuple(name for name in names if name.lower().startswith(low))
-            if found:
-                return Completion(typed, found)
+            matches = tuple(name for name in names if name.lower().startswith(low))
+            if matches:
+                return Completion(typed, matches)
         two = _LAST_TWO_WORDS.search(before)
         if two is not None:
             typed, low = two[0], two[0].lower()
             longer = (name for name in self._spoken if name.startswith(low) and name != low)
-            if found := tuple(typed + name[len(typed) :] for name in longer):
-                return Completion(typed, found)
+            if matches := tuple(typed + name[len(typed) :] for name in longer):
+                return Completion(typed, matches)
         return None
 
 

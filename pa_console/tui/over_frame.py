@@ -65,6 +65,6 @@ def _frame_lines(app: App[Any], prompt: Widget) -> list[str]:
     line, width = strips[y], min(prompt.content_region.width, app.size.width - x)
     words = OPENING[:width].ljust(width)
     style = next((style for _, style, _ in line.crop(x, x + 1)), None)
-    said = Strip([Segment(words, style)], width)
-    strips[y] = Strip.join([line.crop(0, x), said, line.crop(x + width)])
+    message = Strip([Segment(words, style)], width)
+    strips[y] = Strip.join([line.crop(0, x), message, line.crop(x + width)])
     return [strip.render(app.console) for strip in strips]

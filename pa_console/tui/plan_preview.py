@@ -120,13 +120,13 @@ class PlanPreview:
     @cached_property
     def arrivals(self) -> Mapping[str, tuple[str, ...]]:
         """The agents that arrive at each place, soonest first, without those already there."""
-        found: dict[str, list[str]] = {}
+        agents: dict[str, list[str]] = {}
         for action in self.plan.actions:
             if not self.is_there(action):
-                found.setdefault(self.goal(action), []).append(action.agent)
+                agents.setdefault(self.goal(action), []).append(action.agent)
         return {
             place: tuple(sorted(dict.fromkeys(names), key=self._soonest))
-            for place, names in found.items()
+            for place, names in agents.items()
         }
 
     def _soonest(self, agent: str) -> float:

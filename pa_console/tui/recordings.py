@@ -88,10 +88,10 @@ def open_log(
     started = recording.started
     world = _world(started, worlds)
     if world is None:
-        known = "is not installed here"
+        problem = "is not installed here"
         if worlds is not None:
-            known = f"is neither installed nor below {worlds}; copy its world.yaml there"
-        raise ValueError(f"{log}: its world “{started.world}” {known}")
+            problem = f"is neither installed nor below {worlds}; copy its world.yaml there"
+        raise ValueError(f"{log}: its world “{started.world}” {problem}")
     rules, notes = _rules(recording, started)
     return PlayableLog(log.name, recording, world, rules, "; ".join(notes))
 

@@ -122,9 +122,9 @@ def luminance(colour: Color) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def contrast(one: Color, other: Color) -> float:
+def contrast(first: Color, second: Color) -> float:
     """Return the contrast ratio of two colours, 1 to 21."""
-    darker, lighter = sorted((luminance(one), luminance(other)))
+    darker, lighter = sorted((luminance(first), luminance(second)))
     return (lighter + 0.05) / (darker + 0.05)
 
 
@@ -138,18 +138,18 @@ def readable(variables: Mapping[str, str], *, dark: bool, ansi: bool) -> dict[st
     if ansi:
         return {**variables, **_ANSI[dark]}
     base, *_ = grounds = [Color.parse(variables[name]) for name in GROUNDS]
-    found = {
+    colours = {
         f"badge-{name}": base.blend(Color.parse(variables[name]), share)
         for name, share in BADGES.items()
     }
     for name in TEXTS:
-        badge = found.get(f"badge-{name.removeprefix('text-')}")
+        badge = colours.get(f"badge-{name.removeprefix('text-')}")
         behind = [*grounds, badge] if badge is not None else grounds
-        found[name] = _readable(base.blend(*_opaque(variables[name])), behind, dark=dark)
+        colours[name] = _readable(base.blend(*_opaque(variables[name])), behind, dark=dark)
     for name in FILLS:
-        fill = found["quiet"] if name == "quiet" else Color.parse(variables[name])
-        found[f"on-{name}"] = max((_BLACK, _WHITE), key=lambda ink: contrast(ink, fill))
-    return {**variables, **{name: colour.hex for name, colour in found.items()}}
+        fill = colours["quiet"] if name == "quiet" else Color.parse(variables[name])
+        colours[f"on-{name}"] = max((_BLACK, _WHITE), key=lambda ink: contrast(ink, fill))
+    return {**variables, **{name: colour.hex for name, colour in colours.items()}}
 
 
 def _opaque(name: str) -> tuple[Color, float]:
@@ -163,6 +163,10 @@ def _readable(text: Color, grounds: Iterable[Color], *, dark: bool) -> Color:
     steps = (text.blend(end, share * _STEP) for share in range(round(1 / _STEP) + 1))
     candidates = chain(steps, (end,))
     return next(
-        (each for each in candidates if min(contrast(each, ground) for ground in grounds) >= LEAST),
+        (
+            candidate
+            for candidate in candidates
+            if min(contrast(candidate, ground) for ground in grounds) >= LEAST
+        ),
         end,
     )

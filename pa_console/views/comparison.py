@@ -96,12 +96,12 @@ def compare_sessions(
     return SessionComparison(started, first, beyond)
 
 
-def _is_timing(a: Recording, b: Recording, found: EventDifference) -> bool:
+def _is_timing(a: Recording, b: Recording, difference: EventDifference) -> bool:
     """Return True for a difference of telemetry, or of the tick only."""
-    if found.a >= len(a) or found.b >= len(b):
+    if difference.a >= len(a) or difference.b >= len(b):
         return True
-    telemetry = a.timeline.is_telemetry(found.a) or b.timeline.is_telemetry(found.b)
-    return telemetry or [change.path for change in found.changes] == [TICK]
+    telemetry = a.timeline.is_telemetry(difference.a) or b.timeline.is_telemetry(difference.b)
+    return telemetry or [change.path for change in difference.changes] == [TICK]
 
 
 def _beyond(a: Recording, b: Recording, first: int) -> EventDifference | None:

@@ -41,23 +41,23 @@ def incident_truth_in_words(incident: Incident) -> str:
     """Return the whole `incident`, with a track's true properties, for the reader of a script."""
     match incident:
         case SpawnTrack(name=name, track=track, gate=gate):
-            who = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
+            subject = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
         case RevealTrack(track=track):
-            who = f"{track} from now on"
+            subject = f"{track} from now on"
         case _:
             return incident_in_words(incident)
-    truth = [known for known in (incident.identity, incident.intent) if known]
+    truth = [trait for trait in (incident.identity, incident.intent) if trait]
     truth += [_REACTIONS[incident.when_warned]] if incident.when_warned else []
-    return f"{who}: {', '.join(truth)}" if truth else who
+    return f"{subject}: {', '.join(truth)}" if truth else subject
 
 
 def safety_in_words(declared: Sequence[Action]) -> str:
     """Return a plan's declared way to safety: the assets that go back, and those that hold."""
     back: dict[str, list[str]] = {}
     for action in declared:
-        known = back.setdefault(action.agent, []) if action.target is not None else []
-        if action.target is not None and action.target not in known:
-            known.append(action.target)
+        frames = back.setdefault(action.agent, []) if action.target is not None else []
+        if action.target is not None and action.target not in frames:
+            frames.append(action.target)
     parts = [
         f"{agent} back to {' or '.join(places)} (holds if another asset covers that gate by then)"
         for agent, places in back.items()
@@ -70,7 +70,7 @@ def safety_in_words(declared: Sequence[Action]) -> str:
 
 def references_in_words(references: Sequence[ev.Reference]) -> str:
     """Return the references of an order with their meanings: *"it" = Drone_T04*."""
-    return "; ".join(f"“{one.said}” = {one.means}" for one in references)
+    return "; ".join(f"“{reference.said}” = {reference.means}" for reference in references)
 
 
 def standing_in_words(order: StandingOrder) -> str:
@@ -373,22 +373,22 @@ def when_in_words(plan: Plan, number: int) -> str:
 
 def step_lines(plan: Plan) -> tuple[StepLine, ...]:
     """Return the lines of a plan with steps; successive legs of one asset are one line."""
-    found: list[StepLine] = []
+    lines: list[StepLine] = []
     leg: Action | None = None
     for position, numbers in enumerate(plan.steps, start=1):
         actions = [plan.actions[number - 1] for number in numbers]
         alone = actions[0] if len(actions) == 1 and actions[0].target is not None else None
         if alone is not None and leg is not None and _goes_on(leg, alone):
-            first = found[-1].numbers.partition(" to ")[0]
-            does = f"{found[-1].does} → {place_words(alone.target or '')}"
-            found[-1] = replace(found[-1], numbers=f"{first} to {position}", does=does)
+            first = lines[-1].numbers.partition(" to ")[0]
+            does = f"{lines[-1].does} → {place_words(alone.target or '')}"
+            lines[-1] = replace(lines[-1], numbers=f"{first} to {position}", does=does)
         else:
-            found += [
+            lines += [
                 StepLine(str(position), action.agent, _does(action), when_in_words(plan, number))
                 for number, action in zip(numbers, actions, strict=True)
             ]
         leg = alone
-    return tuple(found)
+    return tuple(lines)
 
 
 def orders_in_line(plan: Plan) -> str:

@@ -14,6 +14,13 @@ from pa_console.session.mission_trace import Attempt, MissionTrace
 
 _NAME = re.compile(r"[\w-]+")
 
+RuleDeed = Literal[
+    "retrieved", "decided", "broken", "not applicable", "judged", "blocked", "acknowledged",
+    "refused", "sent back", "halted", "prescribed",
+]  # fmt: skip
+BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
+"""The effects that mean that the rule was broken, or that it prevented something."""
+
 
 @dataclass(frozen=True)
 class DecisionEvidence:
@@ -105,7 +112,7 @@ class RuleUse:
     @property
     def broken(self) -> bool:
         """True if a plan or the words of the mission broke the rule."""
-        return any(found.broken for _, found in self.decided)
+        return any(finding.broken for _, finding in self.decided)
 
 
 def uses_of(rule_id: str, missions: Iterable[MissionTrace]) -> tuple[RuleUse, ...]:
@@ -120,24 +127,19 @@ def _use(rule_id: str, trace: MissionTrace) -> RuleUse | None:
     prescribed = tuple(dict.fromkeys(tracks))
     if hit is None and not decided and not prescribed:
         return None
-    blocked = any(found.blocking for _, found in decided)
+    blocked = any(finding.blocking for _, finding in decided)
     refused = trace.status == "refused" and blocked and not trace.hits
     return RuleUse(trace.mission.id, trace.mission.text, hit, decided, prescribed, refused)
 
 
 def _decided(rule_id: str, trace: MissionTrace) -> Iterator[tuple[int, Finding]]:
     for attempt in trace.attempts:
-        for found in attempt.findings:
-            if found.rule_id == rule_id and found.status not in ("not_applicable", "judged_only"):
-                yield attempt.number, found
-
-
-RuleDeed = Literal[
-    "retrieved", "decided", "broken", "not applicable", "judged", "blocked", "acknowledged",
-    "refused", "sent back", "halted", "prescribed",
-]  # fmt: skip
-BREAKING: tuple[RuleDeed, ...] = ("broken", "blocked", "refused", "sent back", "halted")
-"""The effects that mean that the rule was broken, or that it prevented something."""
+        for finding in attempt.findings:
+            if finding.rule_id == rule_id and finding.status not in (
+                "not_applicable",
+                "judged_only",
+            ):
+                yield attempt.number, finding
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
     """Return the missions of a session in which `rule_id` had an effect, in order."""
     session = ""
     missions: dict[str, Mission] = {}
-    found: dict[str, list[TrailEntry]] = {}
+    entries_by_mission: dict[str, list[TrailEntry]] = {}
     planned: set[tuple[str, int]] = set()
     for number, event in enumerate(events, start=1):
         match event.data:
@@ -199,8 +201,11 @@ def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
             continue
         for attempt, did, words in _entries(rule_id, event.mission, event.data, planned):
             entry = TrailEntry(number, event.tick, attempt, did, words)
-            found.setdefault(event.mission, []).append(entry)
-    return [Trail(session, missions[name], tuple(entries)) for name, entries in found.items()]
+            entries_by_mission.setdefault(event.mission, []).append(entry)
+    return [
+        Trail(session, missions[name], tuple(entries))
+        for name, entries in entries_by_mission.items()
+    ]
 
 
 def _entries(

@@ -151,8 +151,8 @@ class RulesView(BaseModel):
 
 def shown_sha256(request: ev.ApprovalRequested) -> str:
     """Return the SHA-256 of everything shown for a decision: plan, way to safety, objections."""
-    told = request.model_dump(mode="json")
-    text = json.dumps(told, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    shown = request.model_dump(mode="json")
+    text = json.dumps(shown, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

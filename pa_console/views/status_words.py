@@ -122,7 +122,7 @@ STATUSES: dict[str, Status] = {
     "worker.dead": Status("✘", "restarting", "bad"),
     "worker.unavailable": Status("✘", "unavailable", "bad"),
     "worker.none": Status("?", "unknown", "warn"),
-    "server.probing": Status("◔", "being tried", "warn"),
+    "server.probing": Status("◔", "connecting", "warn"),
     "server.ready": Status("●", "ready", "good"),
     "server.unconstrained": Status("△", "not constrained", "warn"),
     "server.away": Status("✘", "away", "bad"),
@@ -150,5 +150,5 @@ def status_of(family: str, value: str) -> Status:
 
 def outcomes_in_words(outcomes: Mapping[str, int]) -> str:
     """Return the number of missions by status, e.g. `2 verified, 1 rejected`, or `none`."""
-    words = (f"{number} {status_of('mission', each).word}" for each, number in outcomes.items())
+    words = (f"{number} {status_of('mission', status).word}" for status, number in outcomes.items())
     return ", ".join(words) or "none"

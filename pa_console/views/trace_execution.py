@@ -131,8 +131,8 @@ def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
 def verification(given: VerifiedPlan, number: int) -> TraceSection:
     """Return step 7: the verification by telemetry, its time, and the judge's verdict on it."""
     blocks: list[Block] = []
-    found = given.verification
-    if found.actions:
+    verified = given.verification
+    if verified.actions:
         columns = (
             Column("outcome", 9),
             Column("asset", 11, stress="bold"),
@@ -141,19 +141,19 @@ def verification(given: VerifiedPlan, number: int) -> TraceSection:
         )
         rows = [
             (status_of("outcome", item.outcome), item.agent, item.command, item.reason)
-            for item in found.actions
+            for item in verified.actions
         ]
         blocks.append(table(columns, rows))
-    if found.gates_lost:
-        blocks.append(statement(f"gates lost: {', '.join(found.gates_lost)}", "bad"))
-    if found.gates_unknown:
-        blocks.append(statement(f"? cover unknown: {', '.join(found.gates_unknown)}", "warn"))
-    if found.reason:
-        blocks.append(statement(found.reason))
+    if verified.gates_lost:
+        blocks.append(statement(f"gates lost: {', '.join(verified.gates_lost)}", "bad"))
+    if verified.gates_unknown:
+        blocks.append(statement(f"? cover unknown: {', '.join(verified.gates_unknown)}", "warn"))
+    if verified.reason:
+        blocks.append(statement(verified.reason))
     if given.judged:
         blocks += outcome_verdict(given.verdict, given.error)
-    note = f"as of {clock_text(found.as_of_s)}" if found.as_of_s else ""
-    mark = status_of("outcome", found.outcome)
+    note = f"as of {clock_text(verified.as_of_s)}" if verified.as_of_s else ""
+    mark = status_of("outcome", verified.outcome)
     key, title = f"verification-{number}", "Verification"
     title += f" of step {given.step}" if given.step else ""
     return TraceSection(key, title, tuple(blocks), step=7, mark=mark, note=note)
@@ -185,7 +185,7 @@ def report_table(report: str) -> TraceTable:
             rows.append(["Gates", "all covered"])
         else:
             rows.append(["", line])
-    return table(_COLUMNS, ([Span(what, "", "bold"), Span(text)] for what, text in rows))
+    return table(_COLUMNS, ([Span(fact, "", "bold"), Span(text)] for fact, text in rows))
 
 
 def report(trace: MissionTrace) -> TraceSection:

@@ -43,6 +43,8 @@ class Span:
 
 Spans = tuple[Span, ...]
 
+INDENT = Span("  ")
+
 
 @dataclass(frozen=True)
 class TraceLine:
@@ -148,9 +150,6 @@ def statement(text: str, tone: Tone = "") -> TraceLine:
 def labelled(label: str, text: str, tone: Tone = "", depth: int = 0) -> TraceLine:
     """Build a line with `text` after its label."""
     return TraceLine((Span(text, tone),), label, depth=depth)
-
-
-INDENT = Span("  ")
 
 
 @dataclass(frozen=True)

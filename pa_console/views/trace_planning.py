@@ -43,14 +43,14 @@ Rules = Mapping[str, Rule]
 """The rules of the session by id; a missing rule is shown as unknown."""
 
 _LABEL = 10
+_MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 _JSON_PART = re.compile(
     r'(?P<name>"(?:[^"\\]|\\.)*"(?=\s*:))|(?P<text>"(?:[^"\\]|\\.)*")|(?P<value>[\w.+-]+)|(?P<sign>.)'
 )
 _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
 MOST_GATES = 12
-"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones.
-"""
+"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones."""
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
@@ -223,8 +223,8 @@ def _json_line(line: str) -> TraceLine:
     """Return a line of JSON with separate tones for names, texts, other values and signs."""
     bare = line.lstrip(" ")
     spans = (
-        Span(found[0], _JSON_TONES[found.lastgroup or "sign"])
-        for found in _JSON_PART.finditer(bare)
+        Span(match[0], _JSON_TONES[match.lastgroup or "sign"])
+        for match in _JSON_PART.finditer(bare)
     )
     return TraceLine(tuple(spans), depth=(len(line) - len(bare)) // 2)
 
@@ -249,9 +249,6 @@ def answer(key: str, title: str, text: str, usage: Usage, step: int) -> TraceSec
     note = cost if usage.completion_tokens else ""
     blocks = (Text(text, verbatim=True),)
     return TraceSection(key, title, blocks, step=step, note=note, collapsed=True)
-
-
-_MOST_URGENT_FIRST = {priority: rank for rank, priority in enumerate(PRIORITIES)}
 
 
 def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> TraceSection:
@@ -321,7 +318,7 @@ def _track(line: TrackTimeline) -> str:
         ("warned", line.warned_s),
         ("blocked", line.blocked_s),
     )
-    facts = [f"{what} after {seconds:.1f} s" for what, seconds in times if seconds is not None]
+    facts = [f"{action} after {seconds:.1f} s" for action, seconds in times if seconds is not None]
     if line.least_distance_m is not None:
         facts.append(f"never nearer than {line.least_distance_m:.1f} m")
     return ", ".join(facts) or "no action"
@@ -329,17 +326,17 @@ def _track(line: TrackTimeline) -> str:
 
 def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[TraceSection]:
     """Yield the broken rules with reasons, the most urgent first, then the other rules."""
-    found = attempt.findings
+    findings = attempt.findings
     broken = sorted(
-        (item for item in found if item.broken), key=lambda f: _MOST_URGENT_FIRST[f.priority]
+        (item for item in findings if item.broken), key=lambda f: _MOST_URGENT_FIRST[f.priority]
     )
-    rest = [item for item in found if not item.broken]
+    rest = [item for item in findings if not item.broken]
     mark = (
         Status("✘", f"{len(broken)} broken", "bad")
         if broken
         else Status("✔", "no rule broken", "good")
     )
-    note = f"{count(len(found), 'rule')}, {duration_text(attempt.checks_s)}"
+    note = f"{count(len(findings), 'rule')}, {duration_text(attempt.checks_s)}"
     key = f"checks-{attempt.number}"
     stands = statement("every checked rule holds or does not apply", "quiet")
     block = _findings(broken, rules) if broken else stands
@@ -356,7 +353,7 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Trace
         )
 
 
-def _findings(found: list[Finding], rules: Rules) -> TraceTable:
+def _findings(findings: list[Finding], rules: Rules) -> TraceTable:
     columns = (
         Column("", 1),
         Column("rule", 7, stress="bold"),
@@ -364,26 +361,26 @@ def _findings(found: list[Finding], rules: Rules) -> TraceTable:
         Column("priority"),
         Column("reason", below=12),
     )
-    return table(columns, [_finding(item, rules) for item in found], gap="  ")
+    return table(columns, [_finding(item, rules) for item in findings], gap="  ")
 
 
-def _finding(found: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
-    mark, urgency = status_of("finding", found.status), status_of("priority", found.priority)
-    known = rules.get(found.rule_id)
-    reason = found.message if found.broken else (known.text if known else found.message)
+def _finding(finding: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
+    mark, urgency = status_of("finding", finding.status), status_of("priority", finding.priority)
+    rule = rules.get(finding.rule_id)
+    reason = finding.message if finding.broken else (rule.text if rule else finding.message)
     return (
         Span(mark.glyph, mark.tone),
-        found.rule_id,
+        finding.rule_id,
         Span(mark.word, mark.tone),
         urgency,
-        Span(reason, "" if found.broken else "quiet"),
+        Span(reason, "" if finding.broken else "quiet"),
     )
 
 
 def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     """Return the telemetry of the checks for everything that the plan or a finding names."""
-    by = ", ".join(found.rule_id for found in given.deciding) or "no rule"
-    against = any(found.broken for found in given.deciding)
+    by = ", ".join(finding.rule_id for finding in given.deciding) or "no rule"
+    against = any(finding.broken for finding in given.deciding)
     stands = "against the plan" if against else "for the plan"
     columns = (Column("name", 11, stress="bold"), Column("telemetry", tone="quiet"))
     facts = (table(columns, given.facts),) if given.facts else ()

@@ -30,7 +30,7 @@ WORK = {
     "plan": "the model writes the plan",
     "safeguards": "the plan is checked and rehearsed",
     "judge": "the judge reads the plan",
-    "read_again": "a second model reads the order",
+    "read_again": "the second reader reads the order",
     "readings": "the readings of the order are compared",
     "execute": "the assets carry out the plan",
     "verify": "telemetry is compared with the plan",
@@ -107,18 +107,18 @@ class Waiting:
     @property
     def usual(self) -> dict[str, float]:
         """The usual seconds of every known step, to be saved for the next session."""
-        known = {*self._stored, *self._taken}
+        steps = {*self._stored, *self._taken}
         return {
             step: round(taken, 3)
-            for step in sorted(known - {"execute"})
+            for step in sorted(steps - {"execute"})
             if (taken := self.usual_s(step)) is not None
         }
 
     @property
     def tokens(self) -> int:
         """The approximate number of tokens of the present answer so far."""
-        each = self._characters / self._tokens if self._tokens else _CHARACTERS
-        return round(self._written / each)
+        characters_per_token = self._characters / self._tokens if self._tokens else _CHARACTERS
+        return round(self._written / characters_per_token)
 
     def line(self, now: float, state: SessionState, rate: float = 1.0) -> str:
         """Return the running step, its time so far and its usual time in words; '' for none.
@@ -153,9 +153,8 @@ def behind_line(state: SessionState, how: str) -> str:
         return ""
     entry, *others = state.queue
     more = f" and {count(len(others), 'other')}" if others else ""
-    asked = "answer to" if current.approval.state == "not_understood" else "decision on"
     waits = "wait" if others else "waits"
-    return f"{entry.mission.id}{more} {waits} for your {asked} {current.mission.id}: {how}"
+    return f"{entry.mission.id}{more} {waits} behind {current.mission.id}: {how}"
 
 
 def _rehearsed(state: SessionState, rate: float) -> str:
@@ -199,8 +198,8 @@ def reading_line(trace: MissionTrace, base: str) -> str:
     if request is None:
         return ""
     if request.state == "not_understood":
-        told = "; ".join(request.blocked_by).removeprefix(NOT_UNDERSTOOD)
-        return f"not clear yet: {told}"
+        question = "; ".join(request.blocked_by).removeprefix(NOT_UNDERSTOOD)
+        return f"not clear yet: {question}"
     if trace.standing is not None:
         order = trace.standing.order
         return f"reads as: {trigger_in_words(order)}: {order.order_in_words}"
@@ -242,7 +241,9 @@ def plan_in_words(plan: Plan, base: str) -> str:
             goes = f"to {place_words(place or base)}"
             does = f"{goes}, {spec.plainly}" if spec.plainly else goes
         agents.setdefault(does, []).append(action.agent)
-    return ", ".join(f"{listed(names)} {does}" for does, names in agents.items()) or "nobody moves"
+    return (
+        ", ".join(f"{listed(names)} {does}" for does, names in agents.items()) or "no asset moves"
+    )
 
 
 def _gates(rehearsal: Rehearsal) -> Iterator[str]:

@@ -101,7 +101,7 @@ async def test_what_waits_behind_a_plan_says_so_and_goes_first_by_one_key(
     station.emit(ev.QueueChanged(entries=living.QUEUE[1:]), mission=None)
     async with show(station) as (app, pilot, station, _):
         line = app.screen.query_one(MissionPrompt).border_title
-        waits = f"{living.QUEUE[1].mission.id} waits for your decision on {story.MISSION.id}"
+        waits = f"{living.QUEUE[1].mission.id} waits behind {story.MISSION.id}"
         assert f"{waits}: alt+b lets it go first" in str(line)
         await press(pilot, *where, "alt+b")
         assert station.let_first == 1

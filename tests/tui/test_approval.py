@@ -313,7 +313,7 @@ async def test_a_plan_that_was_not_changed_is_not_sent(show: Show) -> None:
         await open_editor(app, pilot)
         await press(pilot, "space", "ctrl+s")
         assert station.decisions == []
-        assert notices(app)[-1] == "the plan is as it was, and still waits"
+        assert notices(app)[-1] == "the plan is unchanged and still waits"
         await press(pilot, "a", "enter")
         assert station.decided == ["approve"]
 

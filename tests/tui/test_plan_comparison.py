@@ -105,7 +105,7 @@ async def test_what_is_being_rehearsed_is_said_and_can_be_left(show: Show) -> No
         screen = await opened(pilot, app, station, clock)
         note = str(screen.query_one("#comparison-note", Static).render())
         assert "rehearsing another way" in note
-        assert "Esc ends that" in note
+        assert "Esc stops" in note
         await press(pilot, "escape")
         station.slow.set()
         await settle(pilot)

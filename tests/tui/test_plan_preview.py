@@ -320,7 +320,7 @@ async def test_a_reading_that_cannot_be_rehearsed_says_so(show: Show) -> None:
         await armed(pilot, station, clock)
         await pilot.press("alt+1")
         rows = app.screen.query_one("#approval-looked-at", TextRows)
-        told = "What it leads to is known once it is planned."
+        told = "The effects are known once this reading is planned."
         await until(pilot, lambda: told in " ".join(rows.render().plain.split()))
         assert title(app) == "Map"
 

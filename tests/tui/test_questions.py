@@ -11,7 +11,7 @@ from pa_console.station.answers.alternatives import Alternative
 from pa_console.tui.app import ConsoleApp
 from pa_console.tui.approval.comparison import PlanComparison
 from pa_console.tui.approval.panel import ARM_DELAY_S, ApprovalPanel
-from pa_console.tui.controllers.approval import LOOKING, AnswerScreen
+from pa_console.tui.screens.answer import LOOKING, AnswerScreen
 from pa_console.tui.widgets.mission_prompt import MissionInput
 from pa_console.tui.widgets.row_views import TextRows
 from tests.tui import story

@@ -106,7 +106,7 @@ async def test_a_theme_is_shown_at_once_and_what_is_not_in_force_yet_is_told(
         await pilot.press("enter")
         screen.query_one(Input).value = "2"
         await press(pilot, "enter")
-        assert "PA_CONSOLE_SPEED wins over it" in note(screen)
+        assert "PA_CONSOLE_SPEED overrides it" in note(screen)
         assert "speed: 2.0" in file.read_text()
 
 

@@ -87,7 +87,7 @@ def drafted(**changes: object) -> MissionTrace:
             [("Drone_T01", "hold"), ("Robot_T01", "report"), ("Ugv_T01", "block NorthGate")],
             "Drone_T01 stays, Robot_T01 reports, Ugv_T01 to North Gate, blocks",
         ),
-        ([], "nobody moves"),
+        ([], "no asset moves"),
     ],
 )
 def test_a_plan_is_told_by_who_goes_where(orders: list[tuple[str, str]], words: str) -> None:

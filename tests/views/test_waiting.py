@@ -103,7 +103,7 @@ def test_after_the_verdict_it_is_the_second_reader_that_is_waited_for() -> None:
     session.tell("M1", ev.PromptBuilt(role="judge", attempt=1, system="", user="", seconds=0.0))
     assert session.line(4.0) == "the judge reads the plan: 4 s"
     session.tell("M1", ev.PlanJudged(attempt=1, verdict=None, error="none"), 4.0)
-    assert session.line(2.0) == "a second model reads the order: 2 s"
+    assert session.line(2.0) == "the second reader reads the order: 2 s"
     read = ev.OrderReadAgain(attempt=1, model="m", asked="", error="no answer within 15 s")
     session.tell("M1", read, 15.0)
     assert session.line(1.0) == "the readings of the order are compared: 1 s"

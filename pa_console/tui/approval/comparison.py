@@ -98,40 +98,42 @@ def said_of(trace: MissionTrace) -> str:
 
 
 def other_reading(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str
+    number: int, asked: str, rehearsed: RehearsedReading, world: World, request_id: str
 ) -> ComparedPlan:
     """Return the plan for another reading of the order."""
     words = plain_reading(asked)
     return ComparedPlan(
         f"(Alt+{number}) another reading",
         words,
-        PlanPreview(world, found.plan, found.rehearsal, words),
-        found.faults,
+        PlanPreview(world, rehearsed.plan, rehearsed.rehearsal, words),
+        rehearsed.faults,
         Decision(kind="choose", request_id=request_id, asked=asked),
     )
 
 
 def other_way(
-    number: int, asked: str, found: RehearsedReading, world: World, request_id: str | None
+    number: int, asked: str, rehearsed: RehearsedReading, world: World, request_id: str | None
 ) -> ComparedPlan:
     """Return another plan for the same reading; without a request, it has an order to type."""
     decision = None
     if request_id is not None:
-        decision = Decision(kind="modify", request_id=request_id, plan=found.plan, reason=OTHER_WAY)
+        decision = Decision(
+            kind="modify", request_id=request_id, plan=rehearsed.plan, reason=OTHER_WAY
+        )
     return ComparedPlan(
         f"(Alt+{number}) another way",
         plain_reading(asked),
-        PlanPreview(world, found.plan, found.rehearsal),
-        found.faults,
+        PlanPreview(world, rehearsed.plan, rehearsed.rehearsal),
+        rehearsed.faults,
         decision,
-        order="" if decision is not None else order_for(found.plan, world.base),
+        order="" if decision is not None else order_for(rehearsed.plan, world.base),
     )
 
 
 def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     """Yield the facts to compare, always in the same order."""
     preview = candidate.preview
-    yield fact("read as", candidate.reading or ("not told", QUIET), width=_LEAD)
+    yield fact("read as", candidate.reading or ("unknown", QUIET), width=_LEAD)
     yield from action_rows(preview)
     yield cover_row(preview) or row(("Guards  ", QUIET), "unchanged at every gate")
     yield fact("time", f"{preview.duration_s:.0f} s", width=_LEAD)
@@ -145,14 +147,14 @@ def candidate_rows(candidate: ComparedPlan) -> Iterator[WrappedRow]:
     style = WARN if judge == "objects" else QUIET if chosen else ""
     yield fact("judge", (judge, style), width=_LEAD)
     sure = f"{candidate.sure:.0%}" if candidate.sure is not None else ""
-    told = sure or ("told once you choose it" if chosen else "not told")
-    yield fact("confidence", told, width=_LEAD)
+    unknown = "known once you choose it" if chosen else "unknown"
+    yield fact("confidence", sure or unknown, width=_LEAD)
 
 
 def _battery(preview: PlanPreview) -> str:
     lines = preview.rehearsal.timeline.assets
     if not lines:
-        return "nobody moves"
+        return "no asset moves"
     name = min(lines, key=lambda each: lines[each].least_battery_pct)
     return f"at least {lines[name].least_battery_pct:.0f} % ({name})"
 
@@ -182,7 +184,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
     """
 
     BINDINGS = [
-        Binding("escape", "leave", "Back"),
+        Binding("escape", "dismiss", "Back"),
         Binding("enter", "choose", "Choose"),
         Binding("left,up", "point(-1)", "Before", show=False),
         Binding("right,down", "point(1)", "Next", show=False),
@@ -221,7 +223,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
     def on_mount(self) -> None:
         """Point at the first plan, and begin the search for others."""
         self.columns[0].focus()
-        self.tell("looking for other plans; Esc ends that")
+        self.tell("looking for other plans; Esc stops the search")
         self._begin(self)
 
     def on_unmount(self) -> None:
@@ -245,24 +247,17 @@ class PlanComparison(Screen[ComparedPlan | None]):
     def action_point(self, by: int) -> None:
         """Point at the previous or the next plan."""
         columns = self.columns
-        self._point((self._pointed(columns) + by) % len(columns))
+        self.action_point_at((self._pointed(columns) + by) % len(columns))
 
     def action_point_at(self, number: int) -> None:
-        """Point at another plan by its number."""
-        self._point(number)
-
-    def _point(self, index: int) -> None:
-        for column in self.columns[index : index + 1]:
+        """Point at a plan by its number, 0 for the first; do nothing if there is none."""
+        for column in self.columns[number : number + 1]:
             column.focus()
 
     def _pointed(self, columns: Iterable[CandidateColumn]) -> int:
-        return next((n for n, each in enumerate(columns) if each.has_focus), 0)
+        return next((n for n, column in enumerate(columns) if column.has_focus), 0)
 
     def action_choose(self) -> None:
         """Return the plan at the pointer; the waiting plan stays as it is."""
         columns = self.columns
         self.dismiss(columns[self._pointed(columns)].candidate)
-
-    def action_leave(self) -> None:
-        """Go back without a choice."""
-        self.dismiss(None)

@@ -176,6 +176,6 @@ def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[Dec
     """
     if not request.approvals:
         return f"this plan needs no second signature: {joined.station} decides"
-    now = [each.decision for each in made if each.attempt == request.attempt]
+    now = [event.decision for event in made if event.attempt == request.attempt]
     signed = any(joined.signer in decision.signatures for decision in now)
     return f"you have signed; {joined.station} decides" if signed else ""

@@ -374,7 +374,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     def action_cycle(self, step: int) -> None:
         """Focus the next or the previous field of this panel, in a circle; Esc leaves the panel."""
-        chain = [each for each in self.screen.focus_chain if self in each.ancestors]
+        chain = [widget for widget in self.screen.focus_chain if self in widget.ancestors]
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
         if chain:

@@ -117,7 +117,7 @@ def cover_row(preview: PlanPreview) -> WrappedRow | None:
 
 def _deed(action: Action, preview: PlanPreview) -> _ActionGroup:
     asset = preview.before.assets.get(action.agent)
-    kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "not known"
+    kind = KIND_WORDS[asset.kind].removeprefix("ground ") if asset is not None else "unknown kind"
     goal, does = preview.goal(action), COMMANDS[action.verb].plainly
     if preview.is_there(action):
         stays = "holds" if action.verb == "hold" else "stays"
@@ -155,10 +155,10 @@ def _row(deed: _ActionGroup, actions: Sequence[Action], preview: PlanPreview) ->
 
 
 def _seconds(names: Sequence[str], preview: PlanPreview) -> str:
-    known = sorted(at for name in names if (at := preview.arrival_s(name)) is not None)
-    if not known:
+    arrivals = sorted(at for name in names if (at := preview.arrival_s(name)) is not None)
+    if not arrivals:
         return ""
-    first, last = f"{known[0]:.0f}", f"{known[-1]:.0f}"
+    first, last = f"{arrivals[0]:.0f}", f"{arrivals[-1]:.0f}"
     return f"{last} s" if first == last else f"{first} to {last} s"
 
 
@@ -168,7 +168,7 @@ def _battery(names: Sequence[str], preview: PlanPreview) -> str:
     before = [assets[name].battery_pct for name in names if name in assets]
     least = [lines[name].least_battery_pct for name in names if name in lines]
     if not before:
-        return "battery not known"
+        return "battery unknown"
     first = f"{min(before):.0f}"
     last = f"{min(least):.0f}" if least else first
     return f"battery {first} %" if first == last else f"battery {first} → {last} %"
@@ -204,7 +204,7 @@ def approval_rows(
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))
         told = "Choose or write what is meant" if trace.choices else "Write what is meant"
-        yield row("  ", f"Nobody moves. {told}, or reject this.")
+        yield row("  ", f"No asset moves. {told}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:
         yield from offered_rows(trace.standing, foreseen)
@@ -228,11 +228,11 @@ def approval_rows(
 def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
     """Yield the order as it was typed, and its reading."""
     mission, attempt = trace.mission, trace.find(request.attempt)
-    who = {
+    labels = {
         "operator": "typed  ",
         "alarm": "alarm  ",
         "standing": f"by {mission.standing}  ",
-        "agent": "words  ",
+        "agent": "order  ",
     }
     if mission.agent:
         yield row(("▲ ", WARN), (mission.origin[0].upper() + mission.origin[1:], f"bold {WARN}"))
@@ -247,7 +247,7 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
         yield row(("▶ ", NOTE), ("Low-battery policy of this world. ", f"bold {NOTE}"),
                   "Approve it once, and it acts while you are away; reject it, and every asset "
                   "with a low battery waits for your order.")  # fmt: skip
-    name = "policy " if mission.offered else who[mission.source]
+    name = "policy " if mission.offered else labels[mission.source]
     yield row((name, QUIET), *typed_words(mission), *later)
     asked = asked_words(attempt.plan.reason).rstrip("; ") if attempt and attempt.plan else ""
     if asked and not request.readings:
@@ -262,27 +262,27 @@ def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
         if typed != read:
             yield (f" (read: {mission.text})", WARN)
         return
-    for number, (one, other) in enumerate(zip(typed, read, strict=True)):
-        yield f"{' ' * bool(number)}{one}"
-        if one != other:
-            yield (f" (read: {other})", WARN)
+    for number, (word, reading) in enumerate(zip(typed, read, strict=True)):
+        yield f"{' ' * bool(number)}{word}"
+        if word != reading:
+            yield (f" (read: {reading})", WARN)
 
 
 def _because(unmet: str) -> str:
     """Return the impossible part and its reason, separated by a colon, as one sentence."""
-    what, colon, why = unmet.partition(": ")
-    return f"{what}, because {why}" if colon else what
+    part, colon, reason = unmet.partition(": ")
+    return f"{part}, because {reason}" if colon else part
 
 
 def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
     """Yield the people who have approved the plan so far, and whether more have to."""
-    made = [each for each in trace.decisions if each.attempt == request.attempt]
-    signers = dict.fromkeys(name for each in made for name in each.decision.signatures)
+    made = [event for event in trace.decisions if event.attempt == request.attempt]
+    signers = dict.fromkeys(name for event in made for name in event.decision.signatures)
     if not signers:
         return
     away = {name for name in signers if any(f"{name} {ELSEWHERE}" in d.decision.by for d in made)}
-    said = ", ".join(f"{name} {ELSEWHERE}" if name in away else name for name in signers)
-    yield row(("✔ ", GOOD), ("Signed  ", f"bold {GOOD}"), (said, GOOD))
+    signed = ", ".join(f"{name} {ELSEWHERE}" if name in away else name for name in signers)
+    yield row(("✔ ", GOOD), ("Signed  ", f"bold {GOOD}"), (signed, GOOD))
     if not made[-1].accepted:
         yield row("  ", (f"{made[-1].detail}; others sign with console --join", NOTE))
 
@@ -328,17 +328,17 @@ def _judge(attempt: Attempt | None, request: ApprovalRequested) -> WrappedRow:
         style = GOOD if request.state == "approve" else QUIET
         sign = f"{mark.glyph} " if style == GOOD else "· "
         broken = request.blocked_by or request.acknowledge
-        said = (
+        words = (
             "The judge does not object"
             if broken
             else "No rule is broken, the judge does not object"
         )
-        return row((sign, style), (said, style))
+        return row((sign, style), (words, style))
     if given is None:
-        said, why = "Judge: no verdict  ", attempt.judge_error
+        words, why = "Judge: no verdict  ", attempt.judge_error
     else:
-        said, why = "Judge objects: ", objection(given.feedback)
-    return row((f"{mark.glyph} ", mark.style), (said, f"bold {mark.style}"), (why, mark.style))
+        words, why = "Judge objects: ", objection(given.feedback)
+    return row((f"{mark.glyph} ", mark.style), (words, f"bold {mark.style}"), (why, mark.style))
 
 
 def objection(feedback: str) -> str:
@@ -347,8 +347,8 @@ def objection(feedback: str) -> str:
     if not planned:
         return feedback
     does, _, why = rest.partition("; ")
-    told = f"the order says {plain_reading(asked)}, the plan {plain_reading(does)}"
-    return f"{told}: {why}" if why else told
+    difference = f"the order says {plain_reading(asked)}, the plan {plain_reading(does)}"
+    return f"{difference}: {why}" if why else difference
 
 
 def _confidence(attempt: Attempt) -> Iterator[WrappedRow]:
@@ -360,9 +360,11 @@ def _confidence(attempt: Attempt) -> Iterator[WrappedRow]:
         return
     unsure = attempt.sure < UNSURE or bool(gaps)
     style, sign = (WARN, "△ ") if unsure else (QUIET, "· ")
-    told = "the order may mean something else" if unsure else "the order is understood"
+    meaning = "the order may mean something else" if unsure else "the order is understood"
     words = f"Confidence {attempt.sure:.0%}: "
-    yield row((sign, style), (words, f"bold {style}"), (f"{told}; {gaps}" if gaps else told, style))
+    yield row(
+        (sign, style), (words, f"bold {style}"), (f"{meaning}; {gaps}" if gaps else meaning, style)
+    )
 
 
 def _message(trace: MissionTrace, rule_id: str) -> str:
@@ -382,14 +384,14 @@ def reading_rows(trace: MissionTrace) -> Iterator[WrappedRow]:
     sure = attempt.sure if attempt is not None else None
     differs = request.read_apart and (sure is None or sure >= UNSURE)
     doubt = "Another reader differs" if differs else "Unsure"
-    told = f" with {sure:.0%} confidence" if sure is not None else ""
-    yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{told} as: {asked}")
+    confidence = f" with {sure:.0%} confidence" if sure is not None else ""
+    yield row(("△ ", WARN), (f"{doubt}  ", f"bold {WARN}"), f"read{confidence} as: {asked}")
 
 
 def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iterator[WrappedRow]:
     """Yield the consequences of another reading, and the rules that block it."""
     if preview is None:
-        yield row("  ", ("What it leads to is known once it is planned.", QUIET))
+        yield row("  ", ("The effects are known once this reading is planned.", QUIET))
         return
     yield from action_rows(preview)
     if changed := cover_row(preview):
@@ -441,7 +443,7 @@ def order_rows(
         yield fact("whenever", (order.words, "bold"))
         yield fact("in CEL", (order.condition, CALM))
     else:
-        yield fact("moments", (order.words, "bold"))
+        yield fact("times", (order.words, "bold"))
     yield fact("it starts", order.order_in_words)
     style = WARN if order.unasked else ""
     yield fact("approval", (asked_in_words(order, allowed), style))

@@ -3,17 +3,12 @@
 from contextlib import suppress
 from typing import Any
 
-from textual.app import ComposeResult
-from textual.binding import Binding
-from textual.containers import VerticalScroll
-from textual.content import Content
-from textual.screen import ModalScreen, Screen
+from textual.screen import Screen
 
 from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.questions import Question
 from pa_console.mission.examine import Examination
 from pa_console.schema.events.event import ApprovalRequested
-from pa_console.schema.events.intake import QuestionAnswered
 from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
@@ -35,21 +30,15 @@ from pa_console.tui.approval.panel import ApprovalPanel
 from pa_console.tui.controllers.commands import CommandController
 from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.plan_preview import PlanPreview, waiting_plan
-from pa_console.tui.rows import WrappedRow, row
-from pa_console.tui.status_words import QUIET
+from pa_console.tui.screens.answer import AnswerScreen
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
-from pa_console.tui.widgets.row_views import TextRows
-from pa_console.tui.widgets.trace_pane import drawn
-from pa_console.views.trace_layout import answered
 
-CHOOSE = "Alt+1 to Alt+3 point at a plan, Enter chooses it: it is checked, judged and put to you"
-ORDER = "Alt+1 to Alt+3 point at a plan; Enter types an order for it, which you send or not"
+CHOOSE = "Alt+1 to Alt+3 select a plan; Enter chooses it, to be checked and proposed"
+ORDER = "Alt+1 to Alt+3 select a plan; Enter types an order for it and sends nothing"
 BACK_TO_PROPOSED = "back to the plan as it was proposed"
 
 PlanKey = tuple[str, int]
 """The id of a mission and the number of an attempt."""
-
-LOOKING = "looking at the record, and checking what has to be checked …"
 
 
 class ApprovalController:
@@ -97,7 +86,7 @@ class ApprovalController:
         first = _compared_with(session.world, trace, over=question is not None)
         if trace is None or first is None or (request is None and question is None):
             if question is None:
-                session.tell("there is no plan to be compared with others", "Compare")
+                session.tell("there is no plan to compare", "Compare")
             return False
         app = session.app
 
@@ -136,14 +125,14 @@ class ApprovalController:
         if station is None:
             return
 
-        def add(each: Alternative) -> None:
+        def add(alternative: Alternative) -> None:
             number = len(screen.columns)
-            if each.sort == "reading" and request is not None:
+            if alternative.sort == "reading" and request is not None:
                 name = request.request_id
-                screen.add(other_reading(number, each.asked, each.found, world, name))
+                screen.add(other_reading(number, alternative.asked, alternative.found, world, name))
             else:
                 name = request.request_id if request is not None else None
-                screen.add(other_way(number, each.asked, each.found, world, name))
+                screen.add(other_way(number, alternative.asked, alternative.found, world, name))
 
         await station.answer(question, add)
         if len(screen.columns) == 1:
@@ -158,22 +147,22 @@ class ApprovalController:
         station, world = self._session.station, self._session.world
         if station is None or request is None:
             return
-        known, asked = 0, said_of(trace)
+        shown, asked = 0, said_of(trace)
         for reading in request.readings:
-            screen.tell(f"rehearsing: {plain_reading(reading)}; Esc ends that")
-            found = await station.look_at(trace.mission, reading)
-            if found is not None:
-                known += 1
-                screen.add(other_reading(known, reading, found, world, request.request_id))
+            screen.tell(f"rehearsing: {plain_reading(reading)}; Esc stops")
+            rehearsed = await station.look_at(trace.mission, reading)
+            if rehearsed is not None:
+                shown += 1
+                screen.add(other_reading(shown, reading, rehearsed, world, request.request_id))
         ways = station.other_ways(trace.mission, asked, request.plan)
-        while known < MOST_BESIDE and asked:
-            screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc ends that")
-            found = await anext(ways, None)
-            if found is None:
+        while shown < MOST_BESIDE and asked:
+            screen.tell(f"rehearsing another way to {plain_reading(asked)}; Esc stops")
+            rehearsed = await anext(ways, None)
+            if rehearsed is None:
                 break
-            known += 1
-            screen.add(other_way(known, asked, found, world, request.request_id))
-        screen.tell(CHOOSE if known else NO_OTHER)
+            shown += 1
+            screen.add(other_way(shown, asked, rehearsed, world, request.request_id))
+        screen.tell(CHOOSE if shown else NO_OTHER)
 
     async def _look_at(self, asked: str) -> None:
         """Rehearse a reading once and show it, unless the plan has changed meanwhile."""
@@ -184,15 +173,15 @@ class ApprovalController:
             if main is not None:
                 main.look_at("", None)
             return
-        found = await station.look_at(trace.mission, asked)
+        rehearsed = await station.look_at(trace.mission, asked)
         if trace.approval is not request:
             return
-        if found is None:
+        if rehearsed is None:
             main.look_at(asked, None)
             return
         words = plain_reading(asked)
-        plan = PlanPreview(session.world, found.plan, found.rehearsal, words)
-        main.look_at(asked, plan, found.faults)
+        plan = PlanPreview(session.world, rehearsed.plan, rehearsed.rehearsal, words)
+        main.look_at(asked, plan, rehearsed.faults)
 
     def modify(self, *, as_json: bool = False) -> None:
         """Open the form for the waiting plan or its draft; with `as_json`, open the JSON editor."""
@@ -220,7 +209,7 @@ class ApprovalController:
             if isinstance(plan, str):
                 self.modify(as_json=isinstance(editor, PlanForm))
             elif plan == waiting:
-                self._session.tell("the plan is as it was, and still waits", "Nothing was changed")
+                self._session.tell("the plan is unchanged and still waits", "Nothing was changed")
             elif plan is not None:
                 back = BACK_TO_PROPOSED if plan == proposed else ""
                 self.decide(Decision(kind="modify", request_id=request_id, plan=plan, reason=back))
@@ -272,53 +261,13 @@ def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> C
 
 def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
     """Return the plan that the planner proposed last, even if the operator's own plan waits."""
-    before = (each for each in reversed(trace.attempts) if each.number <= request.attempt)
-    planned = (each.plan for each in before if each.author == "planner" and each.plan is not None)
+    before = (attempt for attempt in reversed(trace.attempts) if attempt.number <= request.attempt)
+    planned = (
+        attempt.plan
+        for attempt in before
+        if attempt.author == "planner" and attempt.plan is not None
+    )
     return next(planned, request.plan)
-
-
-class AnswerScreen(ModalScreen[None]):
-    """A question and its answer; no decision is possible on this screen."""
-
-    BINDINGS = [
-        Binding("escape,enter,q", "dismiss", "Back"),
-        Binding("pagedown,space", "page(1)", "Further", show=False),
-        Binding("pageup", "page(-1)", "Back", show=False),
-    ]
-
-    def __init__(self, question: str, *, waits: bool) -> None:
-        """Show the answer to `question`; `waits` is True if a plan waits for a decision."""
-        super().__init__()
-        self._question, self._waits = question, waits
-        self._rows: tuple[WrappedRow, ...] = (row("", (LOOKING, QUIET)),)
-
-    def compose(self) -> ComposeResult:
-        """Yield the panel."""
-        with VerticalScroll(id="answer"):
-            yield TextRows(self._rows, id="answer-rows")
-
-    def on_mount(self) -> None:
-        """Use the question as the panel's title, and let the arrow keys scroll the panel."""
-        panel = self.query_one("#answer", VerticalScroll)
-        panel.border_title = Content(f"You asked: {self._question}")
-        waits = "the plan still waits; " if self._waits else ""
-        panel.border_subtitle = f"{waits}Esc goes back"
-        panel.focus()
-        self._show()
-
-    def show(self, told: QuestionAnswered) -> None:
-        """Show the answer, now or when the panel is mounted; do nothing if the screen was left."""
-        self._rows = tuple(each for part in answered((told,)) for each in drawn(part)[0].rows)
-        self._show()
-
-    def _show(self) -> None:
-        for rows in self.query("#answer-rows").results(TextRows):
-            rows.show(self._rows)
-
-    def action_page(self, pages: int) -> None:
-        """Scroll by a number of pages."""
-        panel = self.query_one("#answer", VerticalScroll)
-        panel.scroll_relative(y=pages * max(panel.size.height - 1, 1), animate=False)
 
 
 class QuestionController:
@@ -361,5 +310,5 @@ class QuestionController:
     async def _answer(self, question: Question, screen: AnswerScreen) -> None:
         station = self._session.station
         if station is not None:
-            told = await station.answer(question)
-            screen.show(told)
+            answer = await station.answer(question)
+            screen.show(answer)

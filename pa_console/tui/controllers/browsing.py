@@ -65,7 +65,7 @@ class BrowsingController:
             if shown.query_one(MapView).follow(name):
                 shown.go_to("map")
             else:
-                self._session.tell(f"where {name} is was never reported", "Follow", bad=True)
+                self._session.tell(f"no position of {name} was ever reported", "Follow", bad=True)
 
     # Screens over the session
 
@@ -75,7 +75,9 @@ class BrowsingController:
 
         screen = self._app.screen
         given = () if isinstance(screen, MainScreen) else type(screen).BINDINGS
-        here = [each for each in given if isinstance(each, Binding) and each.description]
+        here = [
+            binding for binding in given if isinstance(binding, Binding) and binding.description
+        ]
         rows = help_rows(self._session.situation, self._settings.keys, here)
         self._app.push_screen(HelpScreen(rows))
 
@@ -114,7 +116,7 @@ class BrowsingController:
         if newest is not None:
             show(newest)
         else:
-            question = f"No evaluation in {below}; pa-console eval makes one.\nAnother folder"
+            question = f"No evaluation in {below}; pa-console eval makes one.\nOpen another folder:"
             self._app.push_screen(AskFolder(question), show)
 
     # Copies
@@ -148,10 +150,10 @@ class BrowsingController:
         shown = self._session.shown
         return shown.selected(self._session.shown_state) if shown is not None else None
 
-    def _copy(self, what: str, file: str, text: str) -> None:
+    def _copy(self, kind: str, file: str, text: str) -> None:
         self._app.copy_to_clipboard(visible(text))
         where = write_copy(self._copies or export_folder(), file, text)
-        self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {what}")
+        self._session.tell(f"{where}, and sent to the terminal's clipboard", f"Copied the {kind}")
 
 
 def _plan_text(trace: MissionTrace) -> str:

@@ -35,11 +35,11 @@ WhatIf = tuple[str, inc.Incident]
 
 
 _STANDING = {
-    "revoke": ("Revoke", "{} starts nothing any more; what it had started and waits is cancelled"),
-    "pause": ("Pause", "{} starts nothing until you resume it"),
-    "resume": ("Resume", "{} goes on"),
-    "skip": ("Skip", "{} leaves one moment out"),
-    "again": ("Give again", "it holds once you approve it again"),
+    "revoke": ("Revoke", "{} starts no more missions; those that wait are cancelled"),
+    "pause": ("Pause", "{} starts no missions until you resume it"),
+    "resume": ("Resume", "{} starts missions again"),
+    "skip": ("Skip", "{} skips its next start"),
+    "again": ("Give again", "it is in force once you approve it again"),
 }
 
 
@@ -54,10 +54,10 @@ def what_ifs(world: World) -> Iterator[WhatIf]:
     works = inc.SetRadio(latency_s=radio.latency_s, jitter_s=radio.jitter_s, loss=radio.loss)
     offers = [
         *((f"unknown vehicle at {gate}", inc.SpawnTrack(gate=gate)) for gate in world.gates),
-        *(each for gate in world.gates for each in _visitors(world, gate)),
+        *(offer for gate in world.gates for offer in _visitors(world, gate)),
         *((f"weather {weather}", inc.SetWeather(weather=weather)) for weather in _WEATHERS),
-        *(each for camera in world.cameras for each in _camera_faults(world, camera)),
-        *(each for asset in world.assets for each in _asset_troubles(world, asset)),
+        *(offer for camera in world.cameras for offer in _camera_faults(world, camera)),
+        *(offer for asset in world.assets for offer in _asset_troubles(world, asset)),
         ("every link is down", inc.SetRadio(up=False)),
         ("every link works", works),
         ("the model's worker process is killed", inc.WorkerFault()),
@@ -101,11 +101,11 @@ def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
     yield f"{asset} link degraded", inc.SetComms(asset=asset, comms="degraded")
     yield f"{asset} link lost", inc.SetComms(asset=asset, comms="lost")
     yield f"{asset} link ok", inc.SetComms(asset=asset, comms="ok")
-    yield f"{asset} is driven by hand", inc.DriveByHand(asset=asset)
-    yield f"{asset} is let go", inc.DriveByHand(asset=asset, ends=True)
+    yield f"{asset} goes under manual control", inc.DriveByHand(asset=asset)
+    yield f"{asset} ends manual control", inc.DriveByHand(asset=asset, ends=True)
     yield f"{asset} sensor fails", inc.SensorFault(sensor=asset)
     yield f"{asset} sensor works again", inc.SensorFault(sensor=asset, works=True)
-    yield f"{asset} telemetry is forged, says it stands at {post}", forged
+    yield f"{asset} telemetry is forged and places it at {post}", forged
     yield f"{asset} telemetry is honest again", inc.SpoofTelemetry(asset=asset, frame=None)
     yield f"{asset} position drifts", inc.GpsDrift(asset=asset, rate_mps=DRIFT_MPS)
     yield f"{asset} position is right again", inc.GpsDrift(asset=asset, rate_mps=0.0)
@@ -194,7 +194,7 @@ class CommandController:
         main.focus_view("alarms")
         if not name:
             pane.next_mission()
-        self._session.tell(f"the pointer is on {pane.mission} now; press the key again", title)
+        self._session.tell(f"{pane.mission} is selected now; press the key again", title)
 
     # Standing orders
 
@@ -214,7 +214,7 @@ class CommandController:
         name = order.id
         title, told = _STANDING[change]
         if self._session.recording is not None:
-            told = "nothing is changed in a recording"
+            told = "a recording cannot be changed"
             self._session.tell(told, f"{title} refused", bad=True)
             return
 
@@ -235,15 +235,15 @@ class CommandController:
             return
         if joined is not None:
             self._session.tell(
-                f"{joined.station} was asked to stop everybody; the red line at the top says when "
-                "it has",
+                f"{joined.station} was asked to stop every asset; the red line at the top shows "
+                "when it has",
                 "■ STOP ASKED",
                 bad=True,
             )
         else:
             self._session.tell(
-                "every asset was told to hold, open plans are void, the queue is empty; "
-                "the red line at the top says who has confirmed. Nothing else is sent until you "
+                "every asset was ordered to hold, open plans are void, the queue is empty; the red "
+                "line at the top shows which assets have confirmed. Nothing else is sent until you "
                 f"release the stop ({first_key('release')})",
                 "■ ALL STOPPED",
                 bad=True,
@@ -257,7 +257,7 @@ class CommandController:
         doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
         question = (
             f"Everything was stopped by {stop.by}. {stop.held} assets confirmed that they hold.\n"
-            f"{doubtful}Released, the console takes missions again and alarms become missions.\n"
+            f"{doubtful}After the release, missions are taken again, and alarms become missions.\n"
             "No asset moves before you approve a plan."
         )
 

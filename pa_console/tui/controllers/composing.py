@@ -139,11 +139,11 @@ def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
     """
     for log in newest_logs(folder)[:MOST_SESSIONS]:
         try:
-            found = summarise(log)
+            summary = summarise(log)
         except (LogError, OSError):
             continue
-        own = (mission for mission in reversed(found.missions) if not mission.by_alarm)
-        yield [PastOrder(each.said, found.started, each.status or "") for each in own]
+        own = (mission for mission in reversed(summary.missions) if not mission.by_alarm)
+        yield [PastOrder(entry.said, summary.started, entry.status or "") for entry in own]
 
 
 def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
@@ -178,21 +178,21 @@ class ComposingController:
         """Let the operator search the orders of this and of earlier sessions."""
         typed = self._session.typed.texts
         lines = [ChoiceLine(text) for text in typed]
-        found = ChooseLine(
+        chooser = ChooseLine(
             "Earlier orders", lines, nothing="no order was given yet", more=self._with_logs
         )
-        self._choose(found)
+        self._choose(chooser)
 
     def _with_logs(self) -> Iterator[list[ChoiceLine]]:
         from pa_console.session.log.writer import default_folder  # noqa: PLC0415
 
         folder = self._settings.loaded.values.logs or default_folder()
-        known: list[PastOrder] = []
+        logged: list[PastOrder] = []
         for orders in logged_orders(folder):
-            known += orders
+            logged += orders
             yield [
                 ChoiceLine(order.text, order.note)
-                for order in merged(self._session.typed.texts, known)
+                for order in merged(self._session.typed.texts, logged)
             ]
 
     def choose_favourite(self) -> None:
@@ -207,7 +207,10 @@ class ComposingController:
             )
             lines = [ChoiceLine(text, TEMPLATE) for text in templates(self._session.world)]
         chooser = ChooseLine(
-            "Favourites and templates", lines, nothing="there is none", remove=self._without
+            "Favourites and templates",
+            lines,
+            nothing="there are no favourites or templates",
+            remove=self._without,
         )
         self._choose(chooser)
 
@@ -222,7 +225,7 @@ class ComposingController:
     def _without(self, order: str) -> list[ChoiceLine]:
         try:
             if order not in self._favourites.orders():
-                raise ValueError("a template belongs to the console and stays")
+                raise ValueError("a template cannot be removed")
             self._favourites.remove(order)
             return self._favourite_lines()
         except DocumentError as error:
@@ -234,7 +237,7 @@ class ComposingController:
         draft = main.query_one(MissionPrompt).draft.strip() if main is not None else ""
         order = draft or next(iter(self._session.typed.texts), "")
         if not order:
-            self._session.tell("type an order first, or give one", "No favourite", bad=True)
+            self._session.tell("type or send an order first", "No favourite", bad=True)
             return
         try:
             new = self._favourites.keep(order)
@@ -262,7 +265,7 @@ class ComposingController:
             return
         prompt = main.query_one(MissionPrompt)
         if prompt.draft.strip() not in ("", order):
-            self._session.tell("^z brings back what stood in the field", "Order typed")
+            self._session.tell("^z restores the text that was in the field", "Order typed")
         prompt.put(order)
 
     # Things on the map and in the table
@@ -355,7 +358,7 @@ class ComposingController:
         elif name in world.frames:
             lines, choices = [world.frames[name].kind], frame_choices(name, world)
         else:
-            self._session.tell(f"nothing was reported of {name} yet", name, bad=True)
+            self._session.tell(f"there is no report of {name} yet", name, bad=True)
             return
         if not self._may_order:
             choices = [choice for choice in choices if not choice.order]

@@ -191,8 +191,8 @@ class ConsoleCommands(Provider):
         its title contains every typed word.
         """
         matcher, words = self.matcher(query), query.lower().split()
-        found = (item for item in self._simulation() if _has(item[0].lower(), words))
-        for title, run, help_text, others in (*self._actions(), *self._themes(), *found):
+        matches = (item for item in self._simulation() if _has(item[0].lower(), words))
+        for title, run, help_text, others in (*self._actions(), *self._themes(), *matches):
             score = max(matcher.match(title), matcher.match(others))
             if score > 0:
                 yield Hit(score, matcher.highlight(title), run, text=title, help=help_text)

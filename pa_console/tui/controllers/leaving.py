@@ -58,9 +58,9 @@ class LeavingController:
         if state.active is not None:
             ends.append(f"Mission {state.active} is still active: it is cancelled.")
         ends += [
-            f"Standing order {each.order.id} is in force and ends: {each.order.text}"
-            for each in state.standing.values()
-            if each.in_force
+            f"Standing order {standing.order.id} is in force and ends: {standing.order.text}"
+            for standing in state.standing.values()
+            if standing.in_force
         ]
         if not ends or session.player is not None or session.readonly:
             self._leave_now()
@@ -94,8 +94,8 @@ class LeavingController:
             raise SkipAction
         keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)
         back = "Esc goes back; there " if self._app.screen.is_modal else ""
-        what = "after a question if a mission or a standing order ends by it"
-        self._session.tell(f"{back}{keys} leaves the console, {what}", "Leave?")
+        asks = "and asks first if that ends a mission or a standing order"
+        self._session.tell(f"{back}{keys} leaves the console, {asks}", "Leave?")
 
     async def _close(self, reason: str = "closed by the operator") -> None:
         if self._session.station is not None:

@@ -76,8 +76,8 @@ class SessionFeed:
         """Repaint all panes at the end of the events, and show the `problem` if there is one."""
         if problem:
             self._app.notify(
-                f"The session broke off: {problem}. What was received stays "
-                "readable; start the console again to go on.",
+                f"The session stopped: {problem}. What was received stays readable; start the "
+                "console again to continue.",
                 title="No more events",
                 severity="error",
                 timeout=60,

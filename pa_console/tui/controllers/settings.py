@@ -52,8 +52,8 @@ class SettingsController:
         if self._session.main is not None:
             self._app.call_later(self._session.main.show_reading, text, reading)
 
-    def _cannot_use(self, what: str, problem: str) -> None:
-        title = f"Your {what} cannot be used; the console's own is"
+    def _cannot_use(self, setting: str, problem: str) -> None:
+        title = f"Your {setting} cannot be used; the default applies"
         self._session.tell(problem, title, bad=True)
 
     def show(self) -> None:

@@ -211,7 +211,7 @@ class TypingController:
         if action is None or not action.confirmed:
             return False
         self._chosen = _PressedAction(action, time_s)
-        self._say(key_text(event.key), f"then Enter: {action.help}. Any other key drops it")
+        self._say(key_text(event.key), f"then Enter: {action.help}. Any other key cancels it")
         return True
 
     def _say_it_is_text(self) -> None:
@@ -219,7 +219,7 @@ class TypingController:
         waits = self._session.situation.approval
         plan = f", {first_own_key('approval', keys)} to the plan that waits" if waits else ""
         mission = first_own_key("prompt", keys)
-        self._say("", f"Typed text is no command. {mission} goes to the mission field{plan}")
+        self._say("", f"Typed text is not a command. {mission} goes to the mission field{plan}")
 
     def _say(self, key: str, text: str) -> None:
         self._told = True

@@ -32,6 +32,9 @@ CELL_ASPECT = 2.0
 MOST_STRETCH = 1.7
 """The largest factor by which the site is widened to fill a wide pane."""
 
+LOW_STRETCH = 3.4
+"""The same factor on a low map, where names need the room more than the site its shape."""
+
 LANE_SHARE = 0.14
 """The margin around the site in which lanes are shown, as a share of the site's size."""
 
@@ -228,8 +231,9 @@ class Projection:
         width, height = self._fitted
         across = max(width - 3, 1) / max(east - west, 1.0)
         down = max(height - 1, 1) / max(north - south, 1.0)
+        stretch = LOW_STRETCH if height < LANES_FROM_ROWS else MOST_STRETCH
         return (
-            min(across, down * CELL_ASPECT * MOST_STRETCH),
+            min(across, down * CELL_ASPECT * stretch),
             min(down, across / CELL_ASPECT * 1.2),
         )
 

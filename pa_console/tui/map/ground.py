@@ -196,8 +196,8 @@ def _shade(canvas: Canvas, view: Projection, background: Background) -> None:
     (west, south), cell_m = background.origin, background.cell_m
     for number, row in enumerate(reversed(background.rows)):
         north = south + (number + 0.5) * cell_m
-        for found in re.finditer(OCCUPIED_CELL, row):
-            canvas.put(view.cell((west + (found.start() + 0.5) * cell_m, north)), "▒", "background")
+        for cell in re.finditer(OCCUPIED_CELL, row):
+            canvas.put(view.cell((west + (cell.start() + 0.5) * cell_m, north)), "▒", "background")
     if view.columns_per_metre * cell_m > 1.0:
         for line in range(canvas.height):
             for column in range(canvas.width):

@@ -49,6 +49,7 @@ class Labels:
     def __init__(self, canvas: Canvas, barriers: Barriers) -> None:
         self._canvas, self._barriers = canvas, barriers
         self._taken = barriers.rows()
+        self._kept_names = set[Cell]()
         for cell in canvas.marks:
             self.keep(cell)
 
@@ -58,17 +59,30 @@ class Labels:
             self._taken[cell[1]][cell[0]] = 1
 
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
-        """Write a line at `start` unless a marker is in the way; return whether it was written.
+        """Write a line at `start` unless a marker or another name is in the way; return success.
 
-        With `keep`, no other name hides the line.
+        With `keep`, no other name hides the line. A number right after the line would read as a
+        part of it: a line to keep then begins one cell earlier, and another is not written.
         """
-        cells = [(start[0] + n, start[1]) for n in range(sum(len(text) for text, _ in line))]
-        if not self._canvas.marks.keys().isdisjoint(cells):
+        (column, row), width = start, sum(len(text) for text, _ in line)
+        behind, taken = (column + width, row), self._canvas.marks.keys() | self._kept_names
+        cells = [(column + n, row) for n in range(width)]
+        if behind in self._canvas.marks and self._canvas.at(behind)[0].isdigit():
+            column -= 1
+            cells.insert(0, (column, row))
+            if not keep or column < 0:
+                return False
+        if not taken.isdisjoint(cells):
             return False
-        self._write_line(start, line)
-        for cell in cells if keep else ():
-            self.keep(cell)
+        self._write_line((column, row), line)
+        if keep:
+            self._keep_name(cells)
         return True
+
+    def _keep_name(self, cells: Sequence[Cell]) -> None:
+        for cell in cells:
+            self.keep(cell)
+        self._kept_names.update(cells)
 
     def place(
         self, at: Cell, spots: Sequence[Spot], block: Block, gap: int = 0, most: float = inf
@@ -157,8 +171,7 @@ class Labels:
         for row, line in enumerate(block, start=top):
             self._write_line((left, row), line)
             cells += [(left + offset, row) for offset in range(width)]
-        for cell in cells:
-            self.keep(cell)
+        self._keep_name(cells)
         return cells
 
     def _write_line(self, start: Cell, line: Sequence[Run]) -> None:

@@ -158,7 +158,8 @@ class Marker(NamedTuple):
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
         sign = symbol.glyph if symbol.role in TROUBLE else ""
-        return f"{symbol.name}{sign}{symbol.note}{symbol.warning}"
+        warning = f" {symbol.warning}" if symbol.warning else ""
+        return f"{symbol.name}{sign}{symbol.note}{warning}"
 
 
 class Markers:
@@ -264,11 +265,11 @@ class Markers:
             block = [list(self._listed(part)) for part in parts]
             if cells := labels.place(at, spots, block, gap=1, most=most):
                 return [cells]
-        each = [
+        labels_apart = [
             labels.place(at, [marker.spot], [list(self._listed([marker]))], gap=1, most=most)
             for marker in here
         ]
-        return [cells for cells in each if cells]
+        return [cells for cells in labels_apart if cells]
 
     def _listed(self, here: Sequence[Marker]) -> Iterator[Run]:
         for count, marker in enumerate(here):

@@ -1,11 +1,11 @@
 """The map's layer for a plan that has not run yet: routes, arrivals, cover of gates."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 from pa_console.schema.world import World
-from pa_console.tui.map.canvas import Canvas, Projection, Run, Strokes
+from pa_console.tui.map.canvas import Canvas, Cell, Projection, Run, Strokes
 from pa_console.tui.map.ground import MapGround
 from pa_console.tui.map.labels import Labels
 from pa_console.tui.map.markers import Symbol
@@ -59,7 +59,8 @@ class PlanLayer:
     def write(self, labels: Labels, ground: MapGround, world: World) -> None:
         """Write the arrivals at every place, with their times, and the change of its cover.
 
-        If there is no room beside the place, the text follows the place's name.
+        If there is no room beside the place, the text follows the place's name; a text that hides
+        no wall is preferred.
         """
         view = ground.view
         changes = self.preview.cover_changes
@@ -70,11 +71,13 @@ class PlanLayer:
                 lines = list(self._lines(changes.get(place), place, coming))
                 spot = view.spot(at)
                 beside = (
-                    labels.place(view.cell(at), [spot], [one], most=FARTHEST) for one in lines
+                    labels.place(view.cell(at), [spot], [text], most=FARTHEST) for text in lines
                 )
                 if not any(beside) and (name := ground.names.get(place)):
                     behind = name[0] + len(place), name[1]
-                    _ = any(labels.write(behind, line) for line in lines)
+                    spaced = [[(" ", ""), *line] for line in lines]
+                    inside = [line for line in spaced if not _meets_barrier(ground, behind, line)]
+                    _ = any(labels.write(behind, line) for line in (*inside, *spaced))
 
     def _lines(
         self, change: CoverChange | None, place: str, coming: tuple[str, ...]
@@ -104,6 +107,11 @@ class PlanLayer:
     def _seconds(self, name: str, place: str) -> str:
         at = self.preview.arrival_s(name, place)
         return "" if at is None else f"+{at:.0f}s"
+
+
+def _meets_barrier(ground: MapGround, start: Cell, line: Sequence[Run]) -> bool:
+    length = sum(len(text) for text, _ in line)
+    return any((start[0] + offset, start[1]) in ground.barriers for offset in range(length))
 
 
 @lru_cache(maxsize=4096)

@@ -163,6 +163,11 @@ class Frames:
     def draw(self, frames: Mapping[str, Frame], places: Mapping[str, Cell]) -> None:
         """Draw the signs, and the names that must be seen or have no marker in their way."""
         shown = {name: frame for name, frame in frames.items() if self._view.shows(frame.at)}
+        for name, frame in shown.items():
+            cell = self._view.cell(frame.at)
+            if cell not in self._canvas.marks:
+                self._canvas.put(cell, *self._sign(name, frame))
+                self._labels.keep(cell)
         for name in sorted(shown, key=lambda name: not self._urgent(name)):
             frame, at = shown[name], places.get(name)
             cell, sign = self._view.cell(frame.at), self._sign(name, frame)
@@ -172,9 +177,6 @@ class Frames:
             line = [(name, role)]
             if cell in self._canvas.marks:
                 line.insert(0, sign)
-            else:
-                self._canvas.put(cell, *sign)
-                self._labels.keep(cell)
             start = at and (at[0] + 1 - len(line), at[1])
             kept = name in self._covers
             loose = None if start is None or kept else self._loose_name(frame, start, line)
@@ -290,7 +292,7 @@ class Contacts:
 
 def short_name(name: str) -> str:
     """Return `name` for the map: shortened, and with characters that are one cell wide."""
-    plain = "".join(each if cell_len(each) == 1 else "?" for each in name)
+    plain = "".join(character if cell_len(character) == 1 else "?" for character in name)
     return plain if len(plain) <= MOST_NAME else f"{plain[: MOST_NAME - 1]}…"
 
 

@@ -1,18 +1,22 @@
 """Two recordings side by side, at the first event in which they differ."""
 
+from functools import partial
+from pathlib import Path
+
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.content import Content
-from textual.screen import ModalScreen
+from textual.screen import ModalScreen, Screen
 from textual.widgets import Label, Static
 
 from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import LogError
 from pa_console.session.recording import Player, Recording
-from pa_console.tui.recordings import OpenedLog
+from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared
 from pa_console.tui.rows import WrappedRow, row
+from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.recording import RecordingScreen
 from pa_console.tui.status_words import BAD, GOOD, NOTE, QUIET, WARN
 from pa_console.tui.surroundings import SecondsClock
@@ -59,8 +63,8 @@ class CompareScreen(ModalScreen[None]):
                     if side.world is not None:
                         yield MapView(side.world, id=f"compare-map-{place}")
                     else:
-                        said = f"No map: {side.note}.\n{side.how_to_see}."
-                        yield Label(said, classes="compare-no-map", markup=False)
+                        missing = f"No map: {side.note}.\n{side.how_to_see}."
+                        yield Label(missing, classes="compare-no-map", markup=False)
                     yield TextRows(id=f"compare-events-{place}")
         with VerticalScroll(id="compare-changes"):
             yield TextRows(id="compare-rows")
@@ -153,24 +157,38 @@ class CompareScreen(ModalScreen[None]):
         name.update(f"{'AB'[place]}  {side.name}{note}")
 
 
+def open_comparison(over: Screen[None], own: PlayableLog, other: Path, clock: SecondsClock) -> None:
+    """Open the log `other` and show where it differs from `own`; show any error."""
+    opening = partial(open_compared, other, KnownWorld.of(own.world, own.recording))
+
+    def show(opened: OpenedLog) -> None:
+        over.app.push_screen(CompareScreen(own, opened, clock))
+
+    open_beside(over, other, opening, show, "Not opened")
+
+
 def heading(
-    found: SessionComparison | None, shown: EventDifference | None, problem: str, *, beyond: bool
+    comparison: SessionComparison | None,
+    shown: EventDifference | None,
+    problem: str,
+    *,
+    beyond: bool,
 ) -> Content:
     """Return the heading, with the event at which the recordings differ."""
     parts: list[tuple[str, str] | str] = [(" COMPARE ", "bold reverse $text-warning"), "  "]
-    if problem or found is None:
+    if problem or comparison is None:
         parts.append((problem, BAD))
-    elif shown is None and found.first is None:
-        same = "they were started differently" if found.started else "nothing differs"
-        parts.append((same, f"bold {WARN if found.started else GOOD}"))
+    elif shown is None and comparison.first is None:
+        same = "they were started differently" if comparison.started else "nothing differs"
+        parts.append((same, f"bold {WARN if comparison.started else GOOD}"))
     elif shown is not None:
-        what = "first difference beyond telemetry" if beyond else "first difference"
+        difference = "first difference beyond telemetry" if beyond else "first difference"
         numbers = f"{shown.a + 1}" if shown.a == shown.b else f"{shown.a + 1} | {shown.b + 1}"
-        parts += [(what, f"bold {WARN}"), f" at event {numbers}"]
-        if found.beyond is None and not beyond:
+        parts += [(difference, f"bold {WARN}"), f" at event {numbers}"]
+        if comparison.beyond is None and not beyond:
             parts.append((f", {count(len(shown.changes), 'value')}", QUIET))
         else:
-            parts.append(("; n: the other one", QUIET))
+            parts.append(("; n shows the other", QUIET))
     return Content.assemble(*parts)
 
 
@@ -195,18 +213,18 @@ def around(recording: Recording, at: int, width: int) -> tuple[WrappedRow, ...]:
 
 
 def change_rows(
-    found: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
+    comparison: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
 ) -> tuple[WrappedRow, ...]:
     """Return the differences at the start of the sessions and at the shown event, A over B."""
     rows: list[WrappedRow] = []
-    if found.started:
+    if comparison.started:
         rows.append(row("", ("They were started differently", f"bold {NOTE}")))
     rows += [
         row(["  "], (f"{change.path}  ", "bold"), f"{change.a}  |  {change.b}")
-        for change in found.started
+        for change in comparison.started
     ]
     if shown is None:
-        if found.first is None:
+        if comparison.first is None:
             rows.append(row("", ("Every event means the same in both.", GOOD)))
         return tuple(rows)
     for change in shown.changes:

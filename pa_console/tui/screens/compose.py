@@ -141,14 +141,14 @@ class ChooseLine(ModalScreen[str | None]):
 
     def _show(self) -> None:
         words = self.query_one(Input).value.lower().split()
-        found = [line for line in self._lines if all(word in line.text.lower() for word in words)]
-        self.query_one(LineRows).show(found)
+        matches = [line for line in self._lines if all(word in line.text.lower() for word in words)]
+        self.query_one(LineRows).show(matches)
         note = self.query_one("#choose-note", Static)
-        if found:
+        if matches:
             keys = PLAIN_HINT + (" · Del removes it" if self._remove else "")
             note.update("reading earlier sessions …" if self._reads else keys)
         else:
-            none = "nothing has these words" if words else self._nothing
+            none = "no entry has these words" if words else self._nothing
             note.update("reading earlier sessions …" if self._reads else none)
 
     @on(Input.Changed)
@@ -199,9 +199,9 @@ class CardChoice(NamedTuple):
 
 FOLLOW = CardChoice("Follow on the map", does="follow")
 MAP_CHOICES = (
-    CardChoice("Nearer", does="zoom_in"),
-    CardChoice("Farther", does="zoom_out"),
-    CardChoice("What sensors see", does="sensors"),
+    CardChoice("Zoom in", does="zoom_in"),
+    CardChoice("Zoom out", does="zoom_out"),
+    CardChoice("Fields of view", does="sensors"),
 )
 """The choices for an empty place on the map."""
 
@@ -226,28 +226,28 @@ def asset_choices(asset: AssetTelemetry, *, taken: bool) -> list[CardChoice]:
 def track_choices(track: Track, world: World) -> list[CardChoice]:
     """Return the choices for a track: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
-    found: list[CardChoice] = []
+    choices: list[CardChoice] = []
     if "uav" in kinds:
-        found.append(CardChoice("Look at it", f"Send a drone to look at {track.gate}."))
+        choices.append(CardChoice("Look at it", f"Send a drone to look at {track.gate}."))
     if "robot" in kinds:
         about = f"{track.id} at {track.gate}"
-        found.append(CardChoice("Identify it", f"Send a robot to identify {about}."))
+        choices.append(CardChoice("Identify it", f"Send a robot to identify {about}."))
         if track.identity != "authorized":
-            found.append(CardChoice("Warn it", f"Send a robot to warn {about}."))
-    return [*found, FOLLOW]
+            choices.append(CardChoice("Warn it", f"Send a robot to warn {about}."))
+    return [*choices, FOLLOW]
 
 
 def frame_choices(name: str, world: World) -> list[CardChoice]:
     """Return the choices for a place: the orders that the team can carry out, or to follow it."""
     kinds = {spec.kind for spec in world.assets.values()}
-    found = [CardChoice("Send … here", f"Send {{asset}} to {name}.")]
+    choices = [CardChoice("Send … here", f"Send {{asset}} to {name}.")]
     if name in world.gates:
         if "uav" in kinds:
-            found.append(CardChoice("Look", f"Send a drone to look at {name}."))
+            choices.append(CardChoice("Look", f"Send a drone to look at {name}."))
         if "ugv" in kinds:
-            found.append(CardChoice("Block", f"Let {{{PLAIN_KINDS['ugv']}}} block {name}."))
-        found.append(CardChoice("Report", f"Report on {name}."))
-    return [*found, FOLLOW]
+            choices.append(CardChoice("Block", f"Let {{{PLAIN_KINDS['ugv']}}} block {name}."))
+        choices.append(CardChoice("Report", f"Report on {name}."))
+    return [*choices, FOLLOW]
 
 
 def asset_lines(asset: AssetTelemetry, picture: Picture, taken_by: str = "") -> list[str]:
@@ -325,7 +325,7 @@ class Card(ModalScreen[CardChoice | None]):
         card = self.query_one("#card", Vertical)
         card.border_title = Content(self._title)
         if any(choice.order and not choice.does for choice in self._choices):
-            card.border_subtitle = "an order is typed; you send it"
+            card.border_subtitle = "types an order, which you then send"
         self.query_one("#card-lines").display = bool(self._lines)
         self.query_one(OptionList).focus()
         self._place()

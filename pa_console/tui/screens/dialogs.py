@@ -112,11 +112,6 @@ class _LeftError(Exception):
     """Raised in the reading thread after the operator has left the dialog."""
 
 
-def is_large(log: Path) -> bool:
-    """Return whether opening `log` may take so long that progress is shown; may raise OSError."""
-    return log.stat().st_size >= LARGE
-
-
 def open_beside(
     over: Screen[None],
     log: Path,
@@ -126,12 +121,12 @@ def open_beside(
 ) -> None:
     """Open `log`, with a progress dialog if it is large, and pass it to `then`; show any error."""
 
-    def opened(found: Opened | None) -> None:
-        if found is not None:
-            then(found)
+    def opened(opened_log: Opened | None) -> None:
+        if opened_log is not None:
+            then(opened_log)
 
     try:
-        if is_large(log):
+        if log.stat().st_size >= LARGE:
             over.app.push_screen(OpeningLog(log, opening), opened)
         else:
             then(opening(None))

@@ -224,7 +224,7 @@ class EvaluationScreen(ListScreen[RunRows]):
                 self._show()
                 self.look()
 
-        self.app.push_screen(AskFolder("Which evaluation? Its folder has a runs.jsonl."), given)
+        self.app.push_screen(AskFolder("Folder of an evaluation, with a runs.jsonl:"), given)
 
     def action_trace(self) -> None:
         """Open the log of the run at the pointer, at its end, with the trace in view."""

@@ -168,7 +168,7 @@ class MainScreen(Screen[None]):
         """Show at the prompt the user's keys for typing an order."""
         if not self._closed_why:
             keys = cast(ActionHost, self.app).keys
-            named = (f"{first_own_key(name, keys)} {what}" for name, what in _HELPING_TO_WRITE)
+            named = (f"{first_own_key(name, keys)} {effect}" for name, effect in _HELPING_TO_WRITE)
             self.query_one(MissionPrompt).show_keys(" · ".join(named))
 
     @property

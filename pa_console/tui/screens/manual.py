@@ -26,17 +26,17 @@ FOUND = "-found"
 
 _APPROVAL = (
     ("r m a", "Go to Reject, Modify or Approve, or to what Approve still needs; Enter presses it"),
-    ("Alt+1 … 3", "Plan anew for what an unclear order was meant to ask, where that is offered"),
-    ("Alt+C", "Other sound plans side by side; nothing is approved there"),
-    ("letters", "Any other letter, and what is pasted, begins the reason; Enter leaves it"),
-    ("Tab", "Round the buttons, the warnings and the reason; Esc leaves"),
-    ("", "Keys are dropped for the first 0.6 s, so that no stray key decides"),
+    ("Alt+1 … 3", "Show another reading of an unclear order, if one is offered; Enter chooses it"),
+    ("Alt+C", "Compare other plans side by side; this approves nothing"),
+    ("letters", "Any other letter, or pasted text, begins the reason; Enter leaves the field"),
+    ("Tab", "Go through the buttons, the warnings and the reason; Esc leaves the panel"),
+    ("", "Keys are ignored for the first 0.6 s, so that no stray key decides"),
 )  # fmt: skip
 _PROMPT = (
     ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
     ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
-    ("↑ ↓", "Missions typed before"),
-    ("Tab →", "Take the name that is shown in grey; Tab again tries the next, or goes to a slot"),
+    ("↑ ↓", "Recall earlier missions"),
+    ("Tab →", "Complete the name shown in grey; Tab again tries the next name or goes to a slot"),
     ("Alt+1 … 4", "Before the first mission: type an example"),
     ("Esc", "Leave the field; the text stays"),
 )
@@ -172,9 +172,9 @@ class ManualScreen(Screen[None]):
         headings = text.table_of_contents
         text.query(f".{FOUND}").remove_class(FOUND)
         if 0 < heading < len(headings):
-            found = text.query_one(f"#{headings[heading][2]}")
-            found.add_class(FOUND)
-            found.scroll_visible(top=True, animate=False)
+            target = text.query_one(f"#{headings[heading][2]}")
+            target.add_class(FOUND)
+            target.scroll_visible(top=True, animate=False)
         else:
             self.query_one("#manual-page", VerticalScroll).scroll_home(animate=False)
 
@@ -190,7 +190,8 @@ def help_rows(
     if here:
         rows.append(row("", ("On this screen", f"bold {NOTE}")))
         rows += [
-            row(["  ", column(key_text(each.key), 10, "bold")], each.description) for each in here
+            row(["  ", column(key_text(binding.key), 10, "bold")], binding.description)
+            for binding in here
         ]
     for group in GROUPS:
         rows.append(row("", (group, f"bold {NOTE}")))

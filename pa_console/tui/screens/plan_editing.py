@@ -43,16 +43,16 @@ Examine = Callable[[Plan], Awaitable[Examination]]
 
 def nearest(text: str, options: Sequence[str]) -> str:
     """Return the option most similar to a text; '' if none is similar enough."""
-    found = process.extractOne(
+    match = process.extractOne(
         text, options, scorer=fuzz.WRatio, processor=str.lower, score_cutoff=LIKE
     )
-    return found[0] if found is not None else ""
+    return match[0] if match is not None else ""
 
 
-def _unknown(text: str, what: str, options: Sequence[str]) -> str:
+def _unknown(text: str, problem: str, options: Sequence[str]) -> str:
     near = nearest(text, options)
     hint = f"did you mean {near}? ↓ takes it" if near else f"known: {', '.join(options[:6])}"
-    return f"{what}: {hint}"
+    return f"{problem}: {hint}"
 
 
 def plan_json(plan: Plan) -> str:
@@ -89,14 +89,14 @@ class FormRow:
     @property
     def action(self) -> dict[str, object]:
         """The action as a JSON object."""
-        found: dict[str, object] = {
+        fields: dict[str, object] = {
             "agent": self.agent,
             "command": f"{self.verb} {self.place}".strip(),
         }
         numbers = self.after.replace(",", " ").split()
         if numbers:
-            found["after"] = [int(word) if word.isdecimal() else word for word in numbers]
-        return found | ({"stay_s": self.stay_s} if self.stay_s else {})
+            fields["after"] = [int(word) if word.isdecimal() else word for word in numbers]
+        return fields | ({"stay_s": self.stay_s} if self.stay_s else {})
 
     def fault(self, world: World) -> str:
         """Return the fault of the row by itself, '' if there is none."""
@@ -104,7 +104,7 @@ class FormRow:
             return _unknown(self.agent, f"no asset “{self.agent}”", tuple(world.assets))
         spec = COMMANDS.get(cast(Verb, self.verb))
         kind = world.assets[self.agent].kind
-        able = tuple(verb for verb, each in COMMANDS.items() if kind in each.kinds)
+        able = tuple(verb for verb, command in COMMANDS.items() if kind in command.kinds)
         if spec is None:
             return _unknown(self.verb, f"no command “{self.verb}”", able)
         if kind not in spec.kinds:
@@ -188,10 +188,10 @@ class ActionRow(Vertical):
         )
         return FormRow(agent, verb, place, after, self._stay_s)
 
-    def tell(self, number: int, said: str, style: str) -> None:
+    def tell(self, number: int, findings: str, style: str) -> None:
         """Show the row's number and its findings."""
         self._number.update(Content(f"{number}"))
-        self._said.update(Content.styled(said, style))
+        self._said.update(Content.styled(findings, style))
 
 
 class PlanForm(ModalScreen["Plan | str | None"]):
@@ -256,12 +256,12 @@ class PlanForm(ModalScreen["Plan | str | None"]):
     def _check(self) -> Plan | None:
         """Show errors at once; if there are none, examine the plan at the next pause."""
         rows = self._rows
-        self.draft = _written(self._reason, [each.row.action for each in rows])
-        faults = [each.row.fault(self._world) for each in rows]
+        self.draft = _written(self._reason, [line.row.action for line in rows])
+        faults = [line.row.fault(self._world) for line in rows]
         read = "see the rows" if any(faults) else read_plan(self.draft)
         plan = read if isinstance(read, Plan) else None
-        for number, (each, fault) in enumerate(zip(rows, faults, strict=True), start=1):
-            each.tell(number, f"✘ {fault}" if fault else "…", BAD if fault else QUIET)
+        for number, (line, fault) in enumerate(zip(rows, faults, strict=True), start=1):
+            line.tell(number, f"✘ {fault}" if fault else "…", BAD if fault else QUIET)
         self._tell(*(("checking …", QUIET) if plan is not None else (f"✘ {read}", BAD)))
         self.query_one("#send", Button).disabled = plan is None
         if plan is not None:
@@ -271,24 +271,26 @@ class PlanForm(ModalScreen["Plan | str | None"]):
             self.workers.cancel_group(self, "check")
         return plan
 
-    def _tell(self, said: str, style: str) -> None:
-        self.query_one("#plan-verdict", Static).update(Content.styled(said, style))
+    def _tell(self, verdict: str, style: str) -> None:
+        self.query_one("#plan-verdict", Static).update(Content.styled(verdict, style))
 
     async def _look(self, plan: Plan) -> None:
         """Rehearse and check the plan, and show the result in each row."""
         await asyncio.sleep(CHECK_AFTER_S)
-        found = await self._examine(plan)
-        broken = [finding for finding in found.findings if finding.broken]
+        examination = await self._examine(plan)
+        broken = [finding for finding in examination.findings if finding.broken]
         preview = (
-            PlanPreview(self._world, plan, found.rehearsal) if found.rehearsal is not None else None
+            PlanPreview(self._world, plan, examination.rehearsal)
+            if examination.rehearsal is not None
+            else None
         )
         for number, each in enumerate(self._rows, start=1):
             row = each.row
             mine = [f for f in broken if row.agent in f.message]
             if mine:
-                said = "; ".join(f"{finding.rule_id}: {finding.message}" for finding in mine)
+                findings = "; ".join(f"{finding.rule_id}: {finding.message}" for finding in mine)
                 bad = any(finding.blocking for finding in mine)
-                each.tell(number, f"{'✘' if bad else '△'} {said}", BAD if bad else WARN)
+                each.tell(number, f"{'✘' if bad else '△'} {findings}", BAD if bad else WARN)
             else:
                 each.tell(number, f"✔ {'; '.join(_outlook(row, preview))}", GOOD)
         blocking = any(finding.blocking for finding in broken)
@@ -324,7 +326,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
     async def action_remove(self) -> None:
         """Remove the row that has the focus, or else the last row."""
         rows = self._rows
-        gone = next((each for each in rows if self.focused in each.walk_children()), None)
+        gone = next((row for row in rows if self.focused in row.walk_children()), None)
         if gone is None and rows:
             gone = rows[-1]
         if gone is not None:
@@ -387,7 +389,8 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
             yield Static("The changed plan goes through all safeguards again.", id="editor-note")
             yield PlanField(self.draft, id="editor-text", tab_behavior="focus", compact=True)
             yield Static(id="editor-error", markup=False)
-            yield Static("commands: " + ", ".join(_usage()), id="editor-help", markup=False)
+            usage = (f"{verb}{' FRAME' * spec.takes_frame}" for verb, spec in COMMANDS.items())
+            yield Static(f"commands: {', '.join(usage)}", id="editor-help", markup=False)
             with Horizontal(id="editor-buttons"):
                 yield Button("Back (Esc)", id="leave", compact=True)
                 yield Button("Send (^S)", id="send", variant="primary", compact=True)
@@ -437,7 +440,3 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
         """Restore the proposed plan; undo brings the typed text back."""
         area = self.query_one(TextArea)
         area.replace(self._proposed, area.document.start, area.document.end)
-
-
-def _usage() -> list[str]:
-    return [f"{verb} FRAME" if spec.takes_frame else verb for verb, spec in COMMANDS.items()]

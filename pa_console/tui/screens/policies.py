@@ -36,7 +36,7 @@ from pa_console.tui.widgets.row_views import TextRows
 from pa_console.views.rule_trail import uses_of
 
 _DOMAINS = (("ROE  rules of engagement", "ROE"), ("WF  workflow", "WF"), ("CAP  capability", "CAP"))
-_MODES = (("checked by code", "checked"), ("judged by the LLM only", "judged"))
+_MODES = (("checked by code", "checked"), ("judged only", "judged"))
 
 
 class PolicyScreen(Screen[str]):
@@ -46,7 +46,7 @@ class PolicyScreen(Screen[str]):
     """
 
     BINDINGS = [
-        Binding("escape,f6", "close", "Back"),
+        Binding("escape,f6", "dismiss", "Back"),
         Binding("slash", "search", "Search"),
         Binding("e", "edit", "Edit"),
         Binding("n", "new", "New"),
@@ -203,7 +203,7 @@ class PolicyScreen(Screen[str]):
         if uses:
             self.dismiss(uses[-1].mission)
         else:
-            self._refused("no mission of this session had to do with it")
+            self._refused("no mission of this session used this rule")
 
     def action_accept(self) -> None:
         """Put the refused rules of the file in force, after a question."""
@@ -215,7 +215,7 @@ class PolicyScreen(Screen[str]):
     async def _accept(self) -> None:
         question = (
             f"The rules in {self._bench.path} were refused: {self._bench.offered()}.\n"
-            "Put them in force all the same? Screen, log and every report will say so."
+            "Put them in force anyway? The screen, the log and every report will say so."
         )
         if not await self.app.push_screen_wait(Confirm(question, yes="Accept", no="Back")):
             return
@@ -244,7 +244,7 @@ class PolicyScreen(Screen[str]):
         self.query_one("#policy-list").focus()
 
     async def _remove(self, path: Path, name: str) -> None:
-        question = f"Remove {name} from {path}?\nMissions that were begun stay under it."
+        question = f"Remove {name} from {path}?\nMissions that have begun still follow it."
         try:
             opened = await asyncio.to_thread(rule_save.open_rule, path, name)
             if not await self.app.push_screen_wait(Confirm(question, yes="Remove", no="Keep")):
@@ -262,10 +262,6 @@ class PolicyScreen(Screen[str]):
 
     def _refused(self, problem: str) -> None:
         self.notify(problem, title="Rules", severity="error", markup=False)
-
-    def action_close(self) -> None:
-        """Go back to the console."""
-        self.dismiss()
 
     def action_search(self) -> None:
         """Focus the search field."""

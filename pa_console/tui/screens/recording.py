@@ -4,7 +4,6 @@ import asyncio
 import re
 from collections.abc import Callable, Mapping
 from datetime import timedelta
-from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -16,12 +15,10 @@ from textual.content import Content
 from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
-from pa_console.schema.document import DocumentError
 from pa_console.schema.rule import Rule
 from pa_console.schema.text import clock_text
 from pa_console.schema.world import World
 from pa_console.session.log.chain import LogError
-from pa_console.session.log_index import Progress
 from pa_console.session.recording import Player, Recording
 from pa_console.session.state import SessionState
 from pa_console.session.timeline import MARK_KINDS, MarkKind
@@ -122,7 +119,7 @@ class RecordingScreen(MainScreen):
         if command:
             event.stop()
             self.notify(
-                "this is a recording; nothing can be commanded in it",
+                "this is a recording; it takes no commands",
                 title=f"REPLAY: {command} refused",
                 severity="warning",
                 markup=False,
@@ -183,13 +180,13 @@ class RecordingScreen(MainScreen):
         self._seen_at = self._clock()
         self.move(Player.pause if self.player.playing else Player.play)
 
-    def jump(self, what: str, by: int) -> None:
+    def jump(self, mark: str, by: int) -> None:
         """Go to the next or previous mark of a kind in MARKS; show a notice if there is none."""
 
         def how(player: Player) -> None:
-            if not (player.next_mark(MARKS[what]) if by > 0 else player.mark_back(MARKS[what])):
+            if not (player.next_mark(MARKS[mark]) if by > 0 else player.mark_back(MARKS[mark])):
                 where = "after" if by > 0 else "before"
-                self.notify(f"no {what} {where} this moment", title="Replay", markup=False)
+                self.notify(f"no {mark} {where} this moment", title="Replay", markup=False)
 
         self.move(how)
 
@@ -215,30 +212,21 @@ class RecordingScreen(MainScreen):
 
     def compare(self) -> None:
         """Ask for another recording and show where it differs from this one."""
-        from pa_console.tui.recordings import KnownWorld, OpenedLog, open_compared  # noqa: PLC0415
-        from pa_console.tui.screens.compare import CompareScreen  # noqa: PLC0415
-        from pa_console.tui.screens.dialogs import AskLine, OpeningLog, is_large  # noqa: PLC0415
+        from pa_console.tui.recordings import PlayableLog  # noqa: PLC0415 - not at the start
+        from pa_console.tui.screens.compare import open_comparison  # noqa: PLC0415
+        from pa_console.tui.screens.dialogs import AskLine  # noqa: PLC0415
 
-        known = KnownWorld.of(self.world, self.player.recording)
+        own = PlayableLog("this one", self.player.recording, self.world, self.rules)
 
-        def opened(path: Path, progress: Progress | None = None) -> OpenedLog:
-            return open_compared(path, known, progress)
-
-        def read(text: str) -> OpenedLog | Path:
+        def read(text: str) -> Path:
             path = Path(text).expanduser()
             if not path.is_file():
                 raise ValueError(f"{path}: there is no such log")
-            try:
-                return path if is_large(path) else opened(path)
-            except (DocumentError, OSError) as error:
-                raise ValueError(str(error)) from error
+            return path
 
-        def given(other: OpenedLog | Path | None) -> None:
-            if isinstance(other, Path):
-                self.app.push_screen(OpeningLog(other, partial(opened, other)), given)
-            elif other is not None:
-                own = OpenedLog("this one", self.player.recording, self.world, self.rules)
-                self.app.push_screen(CompareScreen(own, other, self._clock))
+        def given(other: Path | None) -> None:
+            if other is not None:
+                open_comparison(self, own, other, self._clock)
 
         question = "Which session log is to be compared with this one?"
         self.app.push_screen(AskLine(question, "Enter compares, Esc goes back", read), given)
@@ -252,17 +240,17 @@ def read_position(text: str, player: Player) -> int:
     timeline, text = player.recording.timeline, "".join(text.split()).lower()
     if text == "end":
         return len(timeline)
-    if found := re.fullmatch(r"#(\d{1,12})", text):
-        return min(int(found[1]), len(timeline))
-    if (found := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)%", text)) and float(found[1]) <= 100:
-        return timeline.count_until(timeline.duration * float(found[1]) / 100)
-    found = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
-    if found is None:
+    if match := re.fullmatch(r"#(\d{1,12})", text):
+        return min(int(match[1]), len(timeline))
+    if (match := re.fullmatch(r"(\d{1,3}(?:\.\d+)?)%", text)) and float(match[1]) <= 100:
+        return timeline.count_until(timeline.duration * float(match[1]) / 100)
+    match = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
+    if match is None:
         raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
-    sign, seconds = found[1], _seconds(found[2])
+    sign, seconds = match[1], _seconds(match[2])
     if sign == "s":
         if not timeline.ticks_per_s:
-            raise ValueError("this recording has no telemetry, so it knows no clock of its own")
+            raise ValueError("this recording has no telemetry, and so no session clock")
         return timeline.count_until_tick(seconds * timeline.ticks_per_s)
     if sign == "@":
         return timeline.count_until(_since_start(seconds, player))
@@ -344,7 +332,7 @@ class FindEvent(ModalScreen[int | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and the number of matches."""
         with Vertical(id="find"):
-            yield LineField(id="find-words", placeholder="words that an event says")
+            yield LineField(id="find-words", placeholder="words of an event")
             yield HitRows(self._recording, id="find-list")
             yield Static(HINT, id="find-note", markup=False)
 
@@ -376,8 +364,8 @@ class FindEvent(ModalScreen[int | None]):
         try:
             for first in range(0, end, STEP):
                 last = min(first + STEP, end)
-                found = search(self._recording, text, first, last)
-                hits += await asyncio.to_thread(list, found)
+                matches = search(self._recording, text, first, last)
+                hits += await asyncio.to_thread(list, matches)
                 if len(hits) >= MOST:
                     break
                 if end > STEP:

@@ -131,14 +131,16 @@ class RuleEditor(Screen[str]):
                 return CheckedDraft(draft, ())
             return CheckedDraft(draft, try_rule(draft.entry, cases, self._bench.world, opened.id))
 
-        found = await asyncio.to_thread(examine)
+        checked = await asyncio.to_thread(examine)
         if text == self.text:
-            self.checked = found
-            self.query_one("#rule-status", Static).update(Content.assemble(draft_line(found.draft)))
-            rows = tuple(draft_rows(found.draft, found.trials))
+            self.checked = checked
+            self.query_one("#rule-status", Static).update(
+                Content.assemble(draft_line(checked.draft))
+            )
+            rows = tuple(draft_rows(checked.draft, checked.trials))
             rows = rows or (row("", ("examples and plans are tried once it compiles", QUIET)),)
             self.query_one("#rule-sheet", TextRows).show(rows)
-        return found
+        return checked
 
     def action_to_problem(self) -> None:
         """Move the cursor to the problem."""
@@ -153,18 +155,18 @@ class RuleEditor(Screen[str]):
         self.run_worker(self._save(), group="save", exclusive=True)
 
     async def _save(self) -> None:
-        found = await self._examine()
-        draft = found.draft
+        checked = await self._examine()
+        draft = checked.draft
         if draft.problem is not None:
             self._failed(str(draft.problem))
             self.action_to_problem()
             return
-        doubts = [f"{len(draft.wrong)} of its examples come out wrong."] if draft.wrong else []
+        doubts = [f"{len(draft.wrong)} of its examples are wrong."] if draft.wrong else []
         seal = self._bench.seal()
         if seal.standing in ("known key", "unknown key"):
             doubts.append(
-                f"The set is {seal.words}. Once saved it is ALTERED: the set in force stays until "
-                f"the file is signed anew (pa-console rules sign {self._opened.path}), unless the "
+                f"The set is {seal.words}. Once saved, it is ALTERED: the set in force stays until "
+                f"the file is signed again (pa-console rules sign {self._opened.path}), unless the "
                 "console was started with --unsigned."
             )
         if doubts and not await self._asked("\n".join(doubts), "Save"):
@@ -180,7 +182,7 @@ class RuleEditor(Screen[str]):
         try:
             saved = await asyncio.to_thread(save_rule, before, text, anyway=anyway)
         except RulesChangedError as error:
-            lost = "What was changed in this rule is lost then. " if error.same_rule else ""
+            lost = "The other changes to this rule are then lost. " if error.same_rule else ""
             question = f"{error}.\n{lost}Put this rule alone into the file as it is now?"
             return await self._asked(question, "Save") and await self._write(text, anyway=True)
         except OSError as error:
@@ -202,8 +204,8 @@ class RuleEditor(Screen[str]):
         """Offer to sign a rule set again that was signed with this machine's own key."""
         path = self._opened.path
         question = (
-            "The set was signed by this machine's key and is not what was signed any more. "
-            "Sign it as it is now? Else it counts as ALTERED and is not taken."
+            "This machine's key signed the rule set, but the set has changed since. "
+            "Sign it as it is now? Otherwise it counts as ALTERED and is refused."
         )
         if self._bench.seal().standing != "own key" or not await self._asked(question, "Sign"):
             return
@@ -216,8 +218,8 @@ class RuleEditor(Screen[str]):
         return bool(await self.app.push_screen_wait(Confirm(question, yes=yes, no="Back")))
 
     def _failed(self, problem: str) -> None:
-        told = f"{problem}. The draft is kept."
-        self.notify(told, title="Not saved", severity="error", markup=False)
+        message = f"{problem}. The draft is kept."
+        self.notify(message, title="Not saved", severity="error", markup=False)
 
     def action_outside(self) -> None:
         """Edit the rule in the user's own editor."""
@@ -225,8 +227,8 @@ class RuleEditor(Screen[str]):
 
     async def _outside(self) -> None:
         question = (
-            f"{self._bench.busy()} is worked on. While your editor has the terminal you see "
-            "nothing of it and cannot stop it."
+            f"{self._bench.busy()} is active. While your editor has the terminal, you can "
+            "neither see nor stop it."
         )
         if self._bench.busy() and not await self._asked(question, "Edit"):
             return

@@ -100,13 +100,13 @@ def _as_written(value: Mapping[str, Any]) -> str:
 def _ordering(order: Ordering) -> str:
     """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
     limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
-    each = f", each {order.each}" if order.each is not None else ""
-    return f"order: {order.kind}{limit if order.seconds is not None else ''}{each}"
+    subjects = f", each {order.each}" if order.each is not None else ""
+    return f"order: {order.kind}{limit if order.seconds is not None else ''}{subjects}"
 
 
 def _enforcement(rule: Rule) -> str:
     if not rule.decidable:
-        return "no: the LLM judges it, code cannot"
+        return "no: only the judge can assess it"
     return "blocks a plan for everyone" if rule.enforced else "a warning to be acknowledged"
 
 
@@ -114,20 +114,20 @@ def use_rows(uses: Iterable[RuleUse]) -> Iterator[WrappedRow]:
     """Yield the missions of this session in which a rule was retrieved, decided or broken."""
     yield row("")
     yield row("", ("in this session", f"bold {NOTE}"))
-    told = False
+    used = False
     for use in reversed(tuple(uses)):
-        told = True
+        used = True
         parts: list[Part] = [(f"{use.text}  ", QUIET)]
         if use.hit is not None:
             how = "pinned" if use.hit.pinned else "retrieved"
             parts.append((f"{how} {use.hit.score:.2f}  ", NOTE))
         parts += [(f"prescribed for {track}  ", NOTE) for track in use.prescribed]
-        for number, found in use.decided:
-            parts += [f"#{number} ", *_finding(found), "  "]
+        for number, finding in use.decided:
+            parts += [f"#{number} ", *_finding(finding), "  "]
         if use.refused:
             parts.append(("refused before it was planned", BAD))
         yield row(["  ", column(use.mission, 7, "bold")], *parts)
-    if not told:
+    if not used:
         yield row("  ", ("in no mission yet", QUIET))
 
 
@@ -136,7 +136,7 @@ def draft_line(draft: RuleDraft) -> Part:
     if draft.problem is not None:
         return f"✘ {draft.problem}", BAD
     if draft.entry is not None and not draft.entry.rule.decidable:
-        return "✔ can be in force; the LLM judges it, code cannot", GOOD
+        return "✔ can be put in force; only the judge can assess it", GOOD
     if draft.wrong:
         return (
             f"▲ compiles, but {len(draft.wrong)} of {count(len(draft.examples), 'example')} wrong",
@@ -153,12 +153,12 @@ def draft_rows(draft: RuleDraft, trials: Iterable[Trial]) -> Iterator[WrappedRow
         yield row("", (f"examples ({len(draft.examples)})", f"bold {NOTE}"))
     for result in draft.examples:
         yield _example(result)
-    told = False
+    tried = False
     for trial in trials:
-        if not told:
+        if not tried:
             yield row("")
-            yield row("", ("it would find", f"bold {NOTE}"))
-            told = True
+            yield row("", ("findings on known plans", f"bold {NOTE}"))
+            tried = True
         parts: list[Part] = [*_finding(trial.found)]
         if trial.flips and trial.before is not None:
             was = term("finding", trial.before.status)
@@ -170,14 +170,14 @@ def _example(result: ExampleResult) -> WrappedRow:
     if result.right:
         return row(["  ", ("✔ ", GOOD)], result.name, (f"  {_EXPECTED[result.expect]}", QUIET))
     got = _GOT.get(result.got, "cannot be decided")
-    said = f"  {_EXPECTED[result.expect]}, but {got}"
+    outcome = f"  {_EXPECTED[result.expect]}, but {got}"
     message = f": {result.message}" if result.message else ""
-    return row(["  ", ("✘ ", BAD)], result.name, (said + message, BAD))
+    return row(["  ", ("✘ ", BAD)], result.name, (outcome + message, BAD))
 
 
-def _finding(found: Finding) -> tuple[Part, ...]:
-    mark = term("finding", found.status)
-    message = f" {found.message}" if found.message else ""
+def _finding(finding: Finding) -> tuple[Part, ...]:
+    mark = term("finding", finding.status)
+    message = f" {finding.message}" if finding.message else ""
     return mark.part, message
 
 

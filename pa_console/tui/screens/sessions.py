@@ -14,15 +14,14 @@ from pa_console.evaluation.twin import resimulate
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import clock_text, count
 from pa_console.session.log.chain import read_log, session_start
-from pa_console.session.log_index import Progress
 from pa_console.session.past_sessions import SessionSummary, Soundness, past_sessions, soundness
 from pa_console.session.recording import Player
 from pa_console.sim.worlds.scenario_file import open_scenario
 from pa_console.station.assembly import SessionSites
 from pa_console.tui.kept_input import export_folder, write_copy
-from pa_console.tui.recordings import KnownWorld, OpenedLog, PlayableLog, open_compared, open_log
+from pa_console.tui.recordings import PlayableLog, open_log
 from pa_console.tui.rows import WrappedRow, fact, row
-from pa_console.tui.screens.compare import CompareScreen
+from pa_console.tui.screens.compare import open_comparison
 from pa_console.tui.screens.dialogs import open_beside
 from pa_console.tui.screens.list_screen import ListScreen
 from pa_console.tui.screens.recording import RecordingScreen
@@ -102,8 +101,8 @@ def detail_rows(summary: SessionSummary, standing: Soundness | None) -> tuple[Wr
     ]
     if standing is not None:
         mark = term("log", standing.standing)
-        told = f": {standing.detail}" if standing.detail else ""
-        rows.append(fact("log", mark.content, told))
+        detail = f": {standing.detail}" if standing.detail else ""
+        rows.append(fact("log", mark.content, detail))
     for mission in summary.missions:
         mark = term("mission", mission.status or "open")
         rows.append(fact("mission", (f"{mission.id} ", "bold"), mark.content,
@@ -148,18 +147,18 @@ class SessionsScreen(ListScreen[SessionRows]):
         self.run_worker(self._look, thread=True, exclusive=True, exit_on_error=False)
 
     def _look(self) -> None:
-        found = past_sessions(self._folder, MOST)
+        summaries = past_sessions(self._folder, MOST)
         if self._left.is_set():
             return
-        self.app.call_from_thread(self._listed, found)
-        for summary in found:
+        self.app.call_from_thread(self._listed, summaries)
+        for summary in summaries:
             if self._left.is_set():
                 return
             self.app.call_from_thread(self._checked, str(summary.log), soundness(summary.log))
 
-    def _listed(self, found: Sequence[SessionSummary]) -> None:
+    def _listed(self, summaries: Sequence[SessionSummary]) -> None:
         self._read = True
-        self._show(found)
+        self._show(summaries)
 
     def _checked(self, key: str, standing: Soundness) -> None:
         if self.is_attached:
@@ -167,10 +166,10 @@ class SessionsScreen(ListScreen[SessionRows]):
             if key == self.listing.cursor:
                 self.show_detail()
 
-    def _show(self, found: Sequence[SessionSummary]) -> None:
-        self.listing.show_items({str(summary.log): summary for summary in found})
-        told = count(len(found), "recorded session") if self._read else "reading …"
-        self.entitle(Content(f" SESSIONS  {told} in {self._folder}"))
+    def _show(self, summaries: Sequence[SessionSummary]) -> None:
+        self.listing.show_items({str(summary.log): summary for summary in summaries})
+        number = count(len(summaries), "recorded session") if self._read else "reading …"
+        self.entitle(Content(f" SESSIONS  {number} in {self._folder}"))
         self.show_detail()
 
     def detail(self) -> tuple[str, Sequence[WrappedRow]]:
@@ -212,26 +211,18 @@ class SessionsScreen(ListScreen[SessionRows]):
             return
         if not listing.marked:
             listing.mark(listing.cursor)
-            said = "Point at the other session and press c again; Esc gives it up"
-            self.notify(said, title="Compare", markup=False)
+            hint = "Select the other session and press c again; Esc cancels"
+            self.notify(hint, title="Compare", markup=False)
         elif listing.marked == listing.cursor:
-            self.notify("this is the same session: point at another one", title="Compare",
+            self.notify("this is the same session; select another one", title="Compare",
                         severity="warning", markup=False)  # fmt: skip
         else:
             first, second = Path(listing.marked), Path(listing.cursor)
             listing.mark("")
             self._with_log(first, partial(self._compare, second))
 
-    def _compare(self, second: Path, one: PlayableLog) -> None:
-        known = KnownWorld.of(one.world, one.recording)
-
-        def opening(progress: Progress | None) -> OpenedLog:
-            return open_compared(second, known, progress)
-
-        def both(other: OpenedLog) -> None:
-            self.app.push_screen(CompareScreen(one, other, self._clock))
-
-        open_beside(self, second, opening, both, PROBLEM)
+    def _compare(self, second: Path, first: PlayableLog) -> None:
+        open_comparison(self, first, second, self._clock)
 
     def action_export(self) -> None:
         """Write the traces of all missions of the session to a file."""
@@ -244,7 +235,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         player.seek(player.duration)
         traces = player.state.missions.values()
         if not traces:
-            self.notify("it has no mission", title="Nothing exported", markup=False)
+            self.notify("the session has no mission", title="Nothing exported", markup=False)
             return
         text = "\n\n".join(trace_text(trace, opened.rules) for trace in traces)
         where = write_copy(self._copies, f"{session.log.stem}-session.txt", text)
@@ -261,14 +252,14 @@ class SessionsScreen(ListScreen[SessionRows]):
 
     def _again(self, log: Path) -> None:
         try:
-            equal, told = run_again(log)
+            equal, message = run_again(log)
         except (ValueError, OSError, DocumentError) as error:
-            equal, told = False, str(error)
+            equal, message = False, str(error)
         if not self._left.is_set():
-            self.app.call_from_thread(self._told_again, equal, told)
+            self.app.call_from_thread(self._told_again, equal, message)
 
-    def _told_again(self, equal: bool, told: str) -> None:
-        self.notify(told, title="Run again", severity="information" if equal else "error",
+    def _told_again(self, equal: bool, message: str) -> None:
+        self.notify(message, title="Run again", severity="information" if equal else "error",
                     timeout=10, markup=False)  # fmt: skip
 
 
@@ -288,6 +279,6 @@ def run_again(log: Path) -> tuple[bool, str]:
         scenario = loaded.scenario
     twin = resimulate(read_log(log), world, scenario)
     if twin.equal:
-        told = f"{count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')}"
-        return True, f"{told} of plans came out equal"
-    return False, f"it came out otherwise, first at {twin.first_difference or 'no picture'}"
+        compared = f"{count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')}"
+        return True, f"{compared} of plans are equal"
+    return False, f"the results differ, first at {twin.first_difference or 'no picture'}"

@@ -35,7 +35,7 @@ from pa_console.tui.widgets.bars import KeyFooter
 from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import TextRows
 
-HINT = "Enter changes it, Del goes back to the default"
+HINT = "Enter changes it, Del restores the default"
 _FILES = {"world": ("worlds", "world.yaml"), "rules": ("rules", "rules.yaml")}
 
 
@@ -53,8 +53,8 @@ def known_values(name: str) -> list[str]:
             return [entry.name for entry in Catalog.load().models]
         case "world" | "rules":
             kind, _ = _FILES[name]
-            found = sorted((data_folder() / kind).iterdir())
-            return [path.stem for path in found if _is_installed(name, path.stem)]
+            entries = sorted((data_folder() / kind).iterdir())
+            return [path.stem for path in entries if _is_installed(name, path.stem)]
         case _:
             return []
 
@@ -97,8 +97,8 @@ def unknown(name: str, value: str) -> str:
         except ModelError as error:
             return str(error)
         return ""
-    found = value in theme_names() if name == "theme" else _is_installed(name, value)
-    return "" if found else f"there is no {name} “{value}”; known: {', '.join(known_values(name))}"
+    exists = value in theme_names() if name == "theme" else _is_installed(name, value)
+    return "" if exists else f"there is no {name} “{value}”; known: {', '.join(known_values(name))}"
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class SettingsScreen(Screen[None]):
         changed = sum(is_chosen(self._loaded, choice) for choice in self._choices.values())
         text = Content.assemble(
             ("Settings  ", "bold $text-primary"),
-            (f"{changed} of {len(self._choices)} chosen, kept in {self._loaded.path}", QUIET),
+            (f"{changed} of {len(self._choices)} set, saved in {self._loaded.path}", QUIET),
         )
         self.query_one("#setting-title", Static).update(text)
 
@@ -281,8 +281,8 @@ class SettingsScreen(Screen[None]):
         except ValueError as error:
             self._note(f"✘ {error}", "$text-error")
         else:
-            what = "saves it" if event.value.strip() else "goes back to the default"
-            self._note(f"✔ Enter {what}, Esc leaves it as it was", "$text-success")
+            effect = "saves it" if event.value.strip() else "restores the default"
+            self._note(f"✔ Enter {effect}, Esc leaves it as it was", "$text-success")
 
     @on(Input.Submitted, "#setting-value")
     def _typed(self, event: Input.Submitted) -> None:
@@ -312,14 +312,14 @@ class SettingsScreen(Screen[None]):
             self._note(f"✘ not saved: {error.filename}: {error.strerror}", "$text-error")
             return
         listing = self.query_one("#setting-list", OptionList)
-        for row_id, known in self._choices.items():
-            listing.replace_option_prompt(row_id, self._line(known))
+        for row_id, choice_of_row in self._choices.items():
+            listing.replace_option_prompt(row_id, self._line(choice_of_row))
         self._head()
         listing.focus()
-        when = "used from the next start" if choice.restart else "in force now"
+        when = "applies from the next start" if choice.restart else "in force now"
         origin = self._loaded.origin(name)
         if origin.source in ("command line", "environment"):
-            when = f"but {origin.place} wins over it"
+            when = f"but {origin.place} overrides it"
         done = "saved" if text.strip() else "back to the default"
         self._fill(f"✔ {done}, {when}", "$text-success")
         self._tell_saved(self._loaded)
@@ -362,5 +362,5 @@ def _help(loaded: LoadedSettings, choice: SettingChoice) -> list[WrappedRow]:
         origin = loaded.origin(str(choice.field[0]))
         rows.append(row(column("from", 8, QUIET), f"{origin.source}: {origin.place}"))
     if choice.restart:
-        rows.append(row(column("used", 8, QUIET), "from the next start"))
+        rows.append(row(column("applies", 8, QUIET), "from the next start"))
     return rows

@@ -51,7 +51,7 @@ class StandingRows(PointedRows[StandingTrace]):
         """Return the cells of a standing order."""
         trace = self.items[key]
         last = trace.last
-        told = f"{last.mission} {clock_text(last.tick * self.dt_s)}" if last else "never"
+        last_start = f"{last.mission} {clock_text(last.tick * self.dt_s)}" if last else "never"
         state = ("✔ in force", GOOD) if trace.in_force else ("■ over", QUIET)
         state = ("△ paused", WARN) if trace.in_force and trace.paused else state
         following = self.following(trace) if trace.in_force else ""
@@ -61,7 +61,7 @@ class StandingRows(PointedRows[StandingTrace]):
             "waits for": (trace.order.words, QUIET),
             "next": (following.removeprefix("paused, "), ""),
             "starts": (f"{trace.started}", ""),
-            "last": (told, QUIET),
+            "last": (last_start, QUIET),
             "state": state,
         }
 
@@ -83,11 +83,11 @@ class StandingRows(PointedRows[StandingTrace]):
             yield fact("over", (trace.ended, BAD))
         for start in reversed(trace.starts):
             about = f" for {start.subject}" * bool(start.subject)
-            told = f"{start.mission}{about}, {self._when(start.tick)}"
-            yield fact("started", told)
+            mission = f"{start.mission}{about}, {self._when(start.tick)}"
+            yield fact("started", mission)
         if trace.withheld is not None:
             about = f"{trace.withheld.subject}: " * bool(trace.withheld.subject)
-            yield fact("not", (f"{about}{trace.withheld.reason}", WARN))
+            yield fact("withheld", (f"{about}{trace.withheld.reason}", WARN))
 
     def following(self, trace: StandingTrace) -> str:
         """Return the next moment of an order and its countdown, '' for none."""
@@ -149,8 +149,8 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         if trace is None:
             return
         if trace.in_force != in_force:
-            told = "is in force" if trace.in_force else "is not in force"
-            self.notify(f"{trace.order.id} {told}", title=title, markup=False)
+            state = "is in force" if trace.in_force else "is not in force"
+            self.notify(f"{trace.order.id} {state}", title=title, markup=False)
             return
         self._change(trace.order, change)
         self.look()
@@ -162,13 +162,19 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         state = self._state()
         orders, self.listing.now_s = state.standing, state.time_s
         now = [
-            (each.order.id, each.started, each.ended, each.withheld, self.listing.following(each))
-            for each in orders.values()
+            (
+                order.order.id,
+                order.started,
+                order.ended,
+                order.withheld,
+                self.listing.following(order),
+            )
+            for order in orders.values()
         ]
         if now == self._shown:
             return
         self._shown = now
-        in_force = sum(each.in_force for each in orders.values())
+        in_force = sum(order.in_force for order in orders.values())
         self.entitle(Content(f" STANDING ORDERS  {count(in_force, 'standing order')} in force"))
         self.listing.show_items(orders)
         self.show_detail()

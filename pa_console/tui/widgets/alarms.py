@@ -36,17 +36,17 @@ def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str)
     mark = term("alarm", alarm.priority)
     seen = term("seen", "seen" if item.acknowledged else "new")
     answer = answers.get(alarm.id)
-    told: tuple[str, str] = ("", "")
+    mission: tuple[str, str] = ("", "")
     if answer is not None and answer.status is None:
         doing = "works on it" if answer.mission.id == active else "waits"
-        told = (f"  {answer.mission.id} {doing}", QUIET)
+        mission = (f"  {answer.mission.id} {doing}", QUIET)
     distance = f" ({alarm.distance_m:.0f} m)" if alarm.distance_m is not None else ""
     return Content.assemble(
         column(f"{mark.glyph} {mark.word}", 11, f"bold {mark.style}"),
         column(f"{seen.glyph} {seen.word}", 6, seen.style),
         (visible(alarm.text), "" if item.acknowledged else "bold"),
         distance,
-        told,
+        mission,
         (f"  since {clock_text(alarm.raised_s)}", QUIET),
     )
 
@@ -75,24 +75,27 @@ def queue_rows(place: int, entry: QueueEntry) -> tuple[Content, Content]:
 
 def answering(state: SessionState) -> dict[str, MissionTrace]:
     """Return the unfinished mission that answers each open alarm."""
-    known = [alarm for alarm in state.open_alarms if alarm in state.answers]
-    return {alarm: state.missions[state.answers[alarm]] for alarm in known}
+    answered = [alarm for alarm in state.open_alarms if alarm in state.answers]
+    return {alarm: state.missions[state.answers[alarm]] for alarm in answered}
 
 
 def summary(state: SessionState, width: int) -> Content:
     """Return one line: a stop, the alarms and the worst of them, the queue, weather, scenario.
 
-    If room is short, the scenario is left out first, then the end of the alarm's text, then the
-    weather. A stop, the number of alarms and the priority of the worst one are always kept.
+    If room is short, the scenario is left out first, then the next mission in the queue, then the
+    end of the alarm's text, then the weather. A stop, the number of alarms and the priority of the
+    worst one are always kept.
     """
-    kept = [part for part in (_queue(state.queue), _weather(state)) if part is not None]
-    ends = [*kept, *_scenario(state)]
     head = Content.assemble(*_stop(state.stop), *_alarms(state.alarms))
     worst = _worst(state.alarms)
     line = Content.assemble(head, visible(worst.alarm.text)) if worst else head
-    wanted = max(head.cell_length, min(line.cell_length, width * 11 // 20))
-    if _length(ends) > width - wanted:
-        ends = kept
+    queue, weather = state.queue, [*_weather(state)]
+    ways = (
+        [*_queue(queue), *weather, *_scenario(state)],
+        [*_queue(queue), *weather],
+        [*_queue(queue, names_next=False), *weather],
+    )
+    ends = next((ends for ends in ways if line.cell_length + _length(ends) <= width), ways[-1])
     while ends and _length(ends) > width - head.cell_length:
         ends.pop()
     line = line.truncate(max(width - _length(ends), 1), ellipsis=True)
@@ -128,9 +131,9 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     """Yield the stop until it is released, and whether the assets have confirmed it."""
     if stop is None:
         return
-    told = f"  {stop.held} hold" if stop.orders else ""
+    held = f"  {stop.held} hold" if stop.orders else ""
     yield (" ■ ALL STOPPED ", f"bold {_FILL[BAD]}")
-    yield (told, "bold")
+    yield (held, "bold")
     if stop.overdue:
         first, *others = stop.overdue
         more = f" and {len(others)} more" if others else ""
@@ -141,16 +144,15 @@ def _stop(stop: Stop | None) -> Iterator[Part]:
     yield "  "
 
 
-def _queue(queue: Sequence[QueueEntry]) -> Content | None:
-    if not queue:
-        return None
-    return Content.styled(f"queue {len(queue)}, next {queue[0].mission.id}", NOTE)
+def _queue(queue: Sequence[QueueEntry], *, names_next: bool = True) -> Iterator[Content]:
+    if queue:
+        following = f", next {queue[0].mission.id}" if names_next else ""
+        yield Content.styled(f"queue {len(queue)}{following}", NOTE)
 
 
-def _weather(state: SessionState) -> Content | None:
-    if state.picture is None:
-        return None
-    return term("weather", state.picture.weather).content
+def _weather(state: SessionState) -> Iterator[Content]:
+    if state.picture is not None:
+        yield term("weather", state.picture.weather).content
 
 
 def _scenario(state: SessionState) -> Iterator[Content]:

@@ -156,7 +156,7 @@ class StatusBar(Static):
         if wide or worker.word != "ready":
             add(5 if worker.word == "ready" else 1, ("  model ", QUIET), worker.part)
         if servers := self._servers(state):
-            ready = all(one.state == "ready" for one in state.servers.values())
+            ready = all(server.state == "ready" for server in state.servers.values())
             add(5 if ready else 1, *servers)
         gates, fewer = self._gates(state)
         add(0 if fewer else 6, "  ", gates, short=fewer)
@@ -165,8 +165,8 @@ class StatusBar(Static):
             items.append(tak)
         # A narrow bar has no room for both the manual assets and "no mission".
         if not (manual and idle and not state.ended):
-            told, waits = self._mission(state, mode)
-            add(3 if state.active is not None and state.stop is None else 0, "  ", told)
+            mission, waits = self._mission(state, mode)
+            add(3 if state.active is not None and state.stop is None else 0, "  ", mission)
             if waits:
                 add(0, (waits, "bold $text-accent"))
         if not (idle and state.tak.away):
@@ -179,26 +179,26 @@ class StatusBar(Static):
 
     def _next_start(self, state: SessionState) -> Content | None:
         """Return the countdown to a standing order's next start, or else the number of orders."""
-        given = [each for each in state.standing.values() if each.in_force]
+        given = [standing for standing in state.standing.values() if standing.in_force]
         if not given or state.ended:
             return None
         coming = [
-            (each.next.at_s - state.time_s, each.order.id)
-            for each in given
-            if not each.paused and each.next and each.next.at_s is not None
+            (standing.next.at_s - state.time_s, standing.order.id)
+            for standing in given
+            if not standing.paused and standing.next and standing.next.at_s is not None
         ]
-        told = f"  {count(len(given), 'standing order')}"
+        text = f"  {count(len(given), 'standing order')}"
         if coming:
             left_s, order = min(coming)
-            told = f"  {order} in {clock_text(max(left_s, 0.0))}"
-        return Content.styled(told, NOTE)
+            text = f"  {order} in {clock_text(max(left_s, 0.0))}"
+        return Content.styled(text, NOTE)
 
     def _servers(self, state: SessionState) -> list[tuple[str, str] | Content | str]:
         """Return the state of the models on servers; of several states, the worst."""
         if not state.servers:
             return []
         order = ("away", "probing", "unconstrained", "ready")
-        worst = min((one.state for one in state.servers.values()), key=order.index)
+        worst = min((server.state for server in state.servers.values()), key=order.index)
         return [("  server ", QUIET), term("server", worst).part]
 
     def _tak(self, tak: TakTrace, *, wide: bool) -> list[tuple[str, str] | Content | str]:
@@ -206,12 +206,12 @@ class StatusBar(Static):
         if tak.connection is None or tak.since is None:
             return []
         mark, number = term("tak", tak.connection.state), len(tak.contacts)
-        said = mark.word if wide else ""
+        words = mark.word if wide else ""
         if tak.away:
-            said += f" since {tak.since:%H:%M}"
+            words += f" since {tak.since:%H:%M}"
         elif number:
-            said = count(number, "contact") if wide else str(number)
-        return [("  TAK ", QUIET), (f"{mark.glyph} {said.strip()}".strip(), mark.style)]
+            words = count(number, "contact") if wide else str(number)
+        return [("  TAK ", QUIET), (f"{mark.glyph} {words.strip()}".strip(), mark.style)]
 
     def _mode(self, mode: str) -> Content:
         style = {"LIVE": "bold $text-success"}.get(mode, "bold reverse $text-warning")
@@ -279,19 +279,19 @@ class _Item(NamedTuple):
 def _fitted(items: list[_Item], width: int) -> Content:
     """Return the parts in one line; if room is short, leave out parts, then shorten the others."""
     shown = list(items)
-    while _cells(shown) > width and (least := max((each.rank for each in shown), default=0)) > 0:
-        shown = [each for each in shown if each.rank < least]
-    for number, each in enumerate(shown):
+    while _cells(shown) > width and (least := max((item.rank for item in shown), default=0)) > 0:
+        shown = [item for item in shown if item.rank < least]
+    for number, item in enumerate(shown):
         if _cells(shown) <= width:
             break
-        if each.short:
-            style = each.content.spans[-1].style if each.content.spans else ""
-            shown[number] = each._replace(content=Content.assemble(" ", (each.short, style)))
-    return Content.assemble(*(each.content for each in shown))
+        if item.short:
+            style = item.content.spans[-1].style if item.content.spans else ""
+            shown[number] = item._replace(content=Content.assemble(" ", (item.short, style)))
+    return Content.assemble(*(item.content for item in shown))
 
 
 def _cells(items: list[_Item]) -> int:
-    return sum(each.content.cell_length for each in items)
+    return sum(item.content.cell_length for item in items)
 
 
 def _rules_alarm(seal: RulesSeal | None) -> str:

@@ -45,7 +45,7 @@ _STAGES = (
     ("judge", "judging_s"), ("readings", "readings_s"), ("decision", "decision_s"),
     ("dispatch", "dispatch_s"), ("execution", "execution_s"), ("outcome", "outcome_s"),
 )  # fmt: skip
-_UNREADABLE = "Nothing can be shown until that is mended; o opens another folder."
+_UNREADABLE = "Nothing can be shown until that is fixed; o opens another folder."
 _NO_RUNS = (
     "{folder} holds no run of an evaluation yet.",
     "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
@@ -87,12 +87,12 @@ class RunFilter(NamedTuple):
 
 
 def _has(record: RunRecord, words: Sequence[str]) -> bool:
-    known = " ".join(
+    facts = " ".join(
         (record.run, record.mission, record.model, record.variant, record.category, record.world,
          record.status, *record.tags, *(breach.rule_id for breach in record.broken),
          record.command)
     ).lower()  # fmt: skip
-    return all(word in known for word in words)
+    return all(word in facts for word in words)
 
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
@@ -107,7 +107,7 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
         fact("expected", *expected),
         fact("strict", strict, "   hybrid ", _score(record.hybrid, "– no verdict"), "   ended ",
                term("mission", record.status).part,
-               ("  nobody was moved" if record.refused else "", QUIET)),
+               ("  no asset was moved" if record.refused else "", QUIET)),
     ]  # fmt: skip
     if record.reason:
         rows.append(fact("reason", record.reason))
@@ -160,7 +160,7 @@ def _opinion(given: Opinion | None, strict: bool) -> list[Part]:
 def _answers(record: RunRecord) -> list[Part]:
     parts: list[Part] = [count(record.attempts, "attempt")]
     if not record.valid_json:
-        parts.append((", the first answer was no plan", WARN))
+        parts.append((", the first answer was not a plan", WARN))
     elif not record.first_sound:
         parts.append((", the first plan broke a Critical or High rule", WARN))
     if record.metrics.plans > 1:

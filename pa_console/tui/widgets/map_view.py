@@ -244,7 +244,7 @@ class MapView(Widget):
         shown = self._fit, width, height
         if shown not in self._fits:
             view = Projection(self._world, width, height, fit=self._fit)
-            self._fits[shown] = all(view.shows(each.at) for each in self._world.frames.values())
+            self._fits[shown] = all(view.shows(frame.at) for frame in self._world.frames.values())
         return self._fit if self._fits[shown] else (width, height)
 
     def _label(self) -> None:

@@ -111,9 +111,9 @@ class MissionInput(TextField):
         self._say()
 
     def _say(self) -> None:
-        said = self._instead or (self._here if self.has_focus else self._elsewhere)
-        if self.placeholder != said:
-            self.placeholder = said
+        text = self._instead or (self._here if self.has_focus else self._elsewhere)
+        if self.placeholder != text:
+            self.placeholder = text
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the function keys, with which a text area selects, to the console."""
@@ -186,8 +186,8 @@ class MissionInput(TextField):
 
     def update_suggestion(self) -> None:
         """Show the rest of the name that is being typed."""
-        found = self._completion()
-        self.suggestion = found.rest if found is not None else ""
+        completion = self._completion()
+        self.suggestion = completion.rest if completion is not None else ""
         self.post_message(self.CursorMoved())
 
     def on_text_area_selection_changed(self) -> None:
@@ -204,9 +204,9 @@ class MissionInput(TextField):
 
     def action_complete(self) -> None:
         """Complete the name, go to the next slot, try the next name, or leave the field."""
-        found, tried = self._completion(), self._tried
-        if found is not None:
-            self._write_name(found, 0, len(found.typed))
+        completion, tried = self._completion(), self._tried
+        if completion is not None:
+            self._write_name(completion, 0, len(completion.typed))
         elif slots(self.text):
             self.select_slot(max(map(self._index, self.selection)))
         elif (
@@ -222,18 +222,18 @@ class MissionInput(TextField):
 
     def action_cursor_right(self, select: bool = False) -> None:
         """Complete the name that is shown, or else move the cursor right."""
-        found = self._completion()
-        if found is not None and not select:
-            self._write_name(found, 0, len(found.typed))
+        completion = self._completion()
+        if completion is not None and not select:
+            self._write_name(completion, 0, len(completion.typed))
             return
         self.suggestion = ""
         super().action_cursor_right(select)
 
-    def _write_name(self, found: Completion, number: int, written: int) -> None:
+    def _write_name(self, completion: Completion, number: int, written: int) -> None:
         """Write a name in place of the `written` characters before the cursor."""
         row, column = self.cursor_location
-        self.replace(found.names[number], (row, column - written), (row, column))
-        self._tried = _TriedCompletion(found, number, self.text, self.cursor_location)
+        self.replace(completion.names[number], (row, column - written), (row, column))
+        self._tried = _TriedCompletion(completion, number, self.text, self.cursor_location)
         self.suggestion = ""
 
     def action_new_line(self) -> None:
@@ -422,9 +422,9 @@ class MissionPrompt(Horizontal):
         """Show the effect of Tab in the line above, or else the present wait."""
         above = bool(self.styles.border_top[0])
         keys = self._keys if self.has_cursor and not self.draft else ""
-        said = self._hint or self._waiting
-        self.set_class(not said, "-keys")
-        retitle(self, (said or keys) if above else "")
+        text = self._hint or self._waiting
+        self.set_class(not text, "-keys")
+        retitle(self, (text or keys) if above else "")
         for field in self.query(MissionInput):
             field.say_instead("" if above else self._waiting)
 

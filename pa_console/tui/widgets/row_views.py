@@ -150,8 +150,8 @@ class VirtualRows(ScrollView):
         changed: list[Region] = []
         for y in range(self.size.height):
             line = self._line(y)
-            known = self._painted.get(y)
-            if known is None or not known.is_same(line):
+            painted = self._painted.get(y)
+            if painted is None or not painted.is_same(line):
                 self._painted[y] = line
                 changed.append(Region(0, y, width, 1))
         if changed:

@@ -109,11 +109,11 @@ class StillView(Widget):
             self._drawn = room, half_blocks(self._content, *room)
         lines = self._drawn[1]
         if not beside:
-            told = f"{still.track}, {self._age}".removesuffix(", ")
-            return Content("\n").join([*lines, _quiet(told, width), _quiet(still.camera, width)])
-        said = [_quiet(text, _CAPTION - 1) for text in (still.track, still.camera, self._age)]
-        said += [Content()] * (len(lines) - len(said))
-        rows = zip(lines, said, strict=False)
+            caption = f"{still.track}, {self._age}".removesuffix(", ")
+            return Content("\n").join([*lines, _quiet(caption, width), _quiet(still.camera, width)])
+        captions = [_quiet(text, _CAPTION - 1) for text in (still.track, still.camera, self._age)]
+        captions += [Content()] * (len(lines) - len(captions))
+        rows = zip(lines, captions, strict=False)
         return Content("\n").join(Content.assemble(line, " ", text) for line, text in rows)
 
 
