@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pa_console.fleets.link import AssetReport, LinkFinding, LinkNews, LinkNotice
-from pa_console.fleets.readiness import MessageWatch, NeededMessage, Readiness
+from pa_console.fleets.readiness import MessageWatch, NeededMessage, Readiness, readiness_finding
 from pa_console.fleets.ros2 import messages
 from pa_console.fleets.ros2.connection import RobotEntry, RobotSite
 from pa_console.fleets.ros2.localization import Localization
@@ -163,7 +163,7 @@ class Robot:
 
     def examine(self) -> Iterator[LinkFinding]:
         """Yield findings about the robot: readiness, action servers, messages, place, nodes."""
-        yield self.readiness.finding
+        yield readiness_finding(self.name, self.readiness.why)
         servers, action = self.server.servers, self.server.action
         alone = LinkFinding(self.name, action, count(servers, "action server"))
         yield alone.unless(servers == 1, "1, of bt_navigator", "it takes no goals")
