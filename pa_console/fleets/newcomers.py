@@ -219,7 +219,7 @@ def survey(link: Listener, seconds: float = LOOK_S, *, examine: bool = False) ->
             link.problem,
             link.agents,
             {each.agent: each for each in news if isinstance(each, AssetReport)},
-            tuple(dict.fromkeys(n.text for n in news if isinstance(n, LinkNotice))),
+            tuple(dict.fromkeys(_line(n, link.name) for n in news if isinstance(n, LinkNotice))),
             tuple(link.discover()) if isinstance(link, Discovering) else (),
             tuple(link.examine(LOOK_S)) if examine and isinstance(link, Examined) else (),
         )
@@ -229,3 +229,7 @@ def survey(link: Listener, seconds: float = LOOK_S, *, examine: bool = False) ->
 
 def _heard(news: Sequence[LinkNews]) -> set[str]:
     return {each.agent for each in news if isinstance(each, AssetReport)}
+
+
+def _line(notice: LinkNotice, link: str) -> str:
+    return notice.text if notice.subject == link else f"{notice.subject} {notice.text}"

@@ -115,7 +115,7 @@ class BusListener:
         if topic.identity not in self._senders:
             if twin := next((one for one in self._senders if one.serial_number == name), None):
                 makers = f"{twin.manufacturer} and {topic.identity.manufacturer}"
-                text = f"two robots are called {name}, of {makers}: only one is believed"
+                text = f"is the name of two robots, of {makers}: only one is believed"
                 yield LinkNotice("alarm", name, text)
             needed = _needed(world, camera=name in world.cameras)
             watch = MessageWatch(needed, self._began.timestamp())
