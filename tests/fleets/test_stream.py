@@ -14,10 +14,10 @@ from PIL import Image
 from pa_console.fleets.snapshot import SnapshotError, fetch_snapshot
 
 av: Any = pytest.importorskip("av", reason="PyAV is not here: pip install 'pa-console[camera]'")
-SIZE, FRAMES, LAST_OF_FRAME = (320, 192), 40, 0x80
+SIZE, FRAMES = (320, 192), 40
 SDP = (
     "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=camera\r\nt=0 0\r\n"
-    "m=video 0 RTP/AVP 26\r\na=control:video\r\n"
+    "m=video 0 RTP/AVP 96\r\na=rtpmap:96 MP4V-ES/90000\r\na=control:video\r\n"
 )
 ANSWERS = {
     "OPTIONS": "Public: DESCRIBE, SETUP, PLAY\r\n\r\n",
@@ -35,14 +35,14 @@ def packets() -> tuple[bytes, ...]:
         port = inbox.getsockname()[1]
         taken: list[bytes] = []
         with av.open(f"rtp://127.0.0.1:{port}", "w", format="rtp") as output:
-            stream = output.add_stream("mjpeg", rate=20, options={"huffman": "default"})
-            (stream.width, stream.height), stream.pix_fmt = SIZE, "yuvj420p"
+            stream = output.add_stream("mpeg4", rate=20)
+            (stream.width, stream.height), stream.pix_fmt = SIZE, "yuv420p"
             for _ in range(FRAMES):
                 frame = av.VideoFrame.from_image(Image.new("RGB", SIZE, (200, 200, 200)))
                 output.mux(stream.encode(frame))
+            output.mux(stream.encode())
+            while len(taken) < FRAMES:
                 taken.append(inbox.recv(65536))
-                while not taken[-1][1] & LAST_OF_FRAME:
-                    taken.append(inbox.recv(65536))
     return tuple(taken)
 
 
