@@ -130,6 +130,18 @@ class Filmed(Protocol):
 
 
 @runtime_checkable
+class RelaysImages(Protocol):
+    """A fleet or a link on which cameras publish images, which are shown to people only."""
+
+    def image_on(self, topic: str) -> bytes:
+        """Return the next image on `topic`; waits in the caller's thread.
+
+        Raises SnapshotError if no image arrives in time, or if it is not valid.
+        """
+        ...
+
+
+@runtime_checkable
 class MapsGround(Protocol):
     """A fleet whose robots map the ground; the map is only drawn and does not restrict routes."""
 

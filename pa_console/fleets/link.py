@@ -79,13 +79,10 @@ class FoundRobot:
     """A description from the robot, such as its type or its namespace."""
 
 
-class Link(Protocol):
-    """A connection to some assets of a world, with its own threads.
+class Listener(Protocol):
+    """A connection that reports on some assets of a world, with its own threads.
 
-    No member raises, and only `wait` and `close` take time. A command id is carried out at most
-    once; if it is sent again, its last answer is repeated. A hold is carried out each time. While
-    there is no connection, commands are dropped, not queued. The answers are `acknowledged` or
-    `refused`, then `done` or `failed`; a hold is `done` once the asset reports that it has stopped.
+    No member raises, and only `wait` and `close` take time.
     """
 
     @property
@@ -95,16 +92,12 @@ class Link(Protocol):
 
     @property
     def agents(self) -> frozenset[str]:
-        """The assets of the world that this link commands; the set does not change."""
+        """The assets of the world on this link; the set does not change."""
         ...
 
     @property
     def problem(self) -> str:
         """The reason why there is no connection; '' while there is one."""
-        ...
-
-    def send(self, command: DeviceCommand) -> None:
-        """Send `command` to its asset; returns at once and never raises."""
         ...
 
     def take(self) -> Sequence[LinkNews]:
@@ -120,8 +113,22 @@ class Link(Protocol):
         ...
 
 
+class Link(Listener, Protocol):
+    """A connection over which assets are commanded.
+
+    A command id is carried out at most once; if it is sent again, its last answer is repeated. A
+    hold is carried out each time. While there is no connection, commands are dropped, not queued.
+    The answers are `acknowledged` or `refused`, then `done` or `failed`; a hold is `done` once the
+    asset reports that it has stopped.
+    """
+
+    def send(self, command: DeviceCommand) -> None:
+        """Send `command` to its asset; returns at once and never raises."""
+        ...
+
+
 @runtime_checkable
-class Discovering(Link, Protocol):
+class Discovering(Listener, Protocol):
     """A link that can find robots that are not assets of the world."""
 
     def discover(self) -> Sequence[FoundRobot]:
@@ -147,7 +154,7 @@ class LinkFinding:
 
 
 @runtime_checkable
-class Examined(Link, Protocol):
+class Examined(Listener, Protocol):
     """A link that can report what its robots send and how they are configured."""
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:

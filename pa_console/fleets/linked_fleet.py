@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from pa_console.fleets.fleet import Received
+from pa_console.fleets.fleet import Received, RelaysImages
 from pa_console.fleets.link import (
     DeviceAnswer,
     GroundMap,
@@ -28,6 +28,7 @@ from pa_console.fleets.reported_fleet import ReportedFleet
 from pa_console.fleets.reported_picture import ReportedPicture
 from pa_console.fleets.reports import AssetReport, SensorReport
 from pa_console.fleets.simulated import Authorize, Verify
+from pa_console.fleets.snapshot import SnapshotError
 from pa_console.schema.command import COMMANDS, FINAL_REPLIES, CommandReply, DeviceCommand
 from pa_console.schema.telemetry import AssetTelemetry
 from pa_console.schema.world import Background, World
@@ -107,6 +108,16 @@ class LinkedFleet(ReportedFleet):
     def links(self) -> tuple[Link, ...]:
         """The links, without the bus."""
         return self._links
+
+    def image_on(self, topic: str) -> bytes:
+        """Return the next image on `topic`, over the first link that relays images.
+
+        Raises SnapshotError if there is no such link or no valid image.
+        """
+        link = next((link for link in self._links if isinstance(link, RelaysImages)), None)
+        if link is None:
+            raise SnapshotError("needs a link to ROS 2: --fleet ros2:FILE")
+        return link.image_on(topic)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Show exactly `assets` as under manual control from this station, at once."""

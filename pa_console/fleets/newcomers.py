@@ -17,12 +17,11 @@ from pa_console.fleets.link import (
     LinkFinding,
     LinkNews,
     LinkNotice,
-    open_link,
+    Listener,
 )
 from pa_console.fleets.reports import AssetReport
 from pa_console.schema.base import Name, Point
 from pa_console.schema.world import AssetSpec, Background, Frame, World
-from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.world_file import geometry_problems
 
 MARGIN_M = 5.0
@@ -203,16 +202,12 @@ class LinkSurvey:
         return f"{self.name}: {'; '.join([*parts, *self.notices])}"
 
 
-def survey(
-    url: str, world: World, settings: Settings, seconds: float = LOOK_S, *, examine: bool = False
-) -> LinkSurvey:
-    """Survey the link at `url` for `seconds`, and return the result.
+def survey(link: Listener, seconds: float = LOOK_S, *, examine: bool = False) -> LinkSurvey:
+    """Survey `link` for `seconds`, close it, and return the result.
 
     The survey ends early once every asset has reported, unless the link discovers robots. With
-    `examine`, the configuration of the robots is examined too. Raises ValueError if the link
-    cannot be opened.
+    `examine`, the configuration of the robots is examined too.
     """
-    link = open_link(url, world, settings)
     try:
         until, news = monotonic() + seconds, list[LinkNews](link.take())
         finds = isinstance(link, Discovering)
@@ -224,7 +219,7 @@ def survey(
             link.problem,
             link.agents,
             {each.agent: each for each in news if isinstance(each, AssetReport)},
-            tuple(dict.fromkeys(n.text for n in news if isinstance(n, LinkNotice))),
+            tuple(dict.fromkeys(_line(n, link.name) for n in news if isinstance(n, LinkNotice))),
             tuple(link.discover()) if isinstance(link, Discovering) else (),
             tuple(link.examine(LOOK_S)) if examine and isinstance(link, Examined) else (),
         )
@@ -234,3 +229,7 @@ def survey(
 
 def _heard(news: Sequence[LinkNews]) -> set[str]:
     return {each.agent for each in news if isinstance(each, AssetReport)}
+
+
+def _line(notice: LinkNotice, link: str) -> str:
+    return notice.text if notice.subject == link else f"{notice.subject} {notice.text}"

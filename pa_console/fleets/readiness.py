@@ -80,7 +80,8 @@ class MessageWatch:
             count, rate = self.count(needed.name), self.rate_hz(needed.name, now_s)
             found = f"{rate:.1f} a second" if rate else f"{count} so far" if count else "never"
             finding = LinkFinding(agent, needed.name, found)
-            findings.append(finding.unless(count, needed.wanted, needed.lacking))
+            enough = count and not (needed.period_s and 0.0 < rate * needed.patience_s < 1.0)
+            findings.append(finding.unless(enough, needed.wanted, needed.lacking))
         return findings
 
 
@@ -100,8 +101,8 @@ class Readiness:
             self.why = why
             self.tell(NotReady(self.agent, why))
 
-    @property
-    def finding(self) -> LinkFinding:
-        """The finding for `doctor` about the readiness of the asset."""
-        finding = LinkFinding(self.agent, "ready", f"no: {self.why}" if self.why else "yes")
-        return finding.unless(not self.why, "", "it starts nothing")
+
+def readiness_finding(agent: str, why: str) -> LinkFinding:
+    """Return the finding about the readiness of an asset, which `why` keeps from starting."""
+    finding = LinkFinding(agent, "ready", f"no: {why}" if why else "yes")
+    return finding.unless(not why, "", "it starts nothing")

@@ -10,11 +10,22 @@ import ssl
 import warnings
 from importlib import import_module
 from io import BytesIO
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+from pa_console.resources import install_hint
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
 
 MOST_S, MOST_BYTES, MOST_PIXELS = 5.0, 4_000_000, 24_000_000
 """The longest wait in seconds, the largest file in bytes, and the largest image in pixels."""
 MOST_SIDE = 800
 """The longest side of the resulting image, in pixels."""
+_STREAMING = {
+    "rtsp_transport": "tcp", "protocol_whitelist": "rtsp,rtp,tcp,udp", "analyzeduration": "1000000",
+}  # fmt: skip
+"""The options of FFmpeg for a stream: the transport, the protocols, the analysis in µs."""
 
 
 class SnapshotError(Exception):
@@ -28,10 +39,35 @@ async def fetch_snapshot(url: str, limit_s: float = MOST_S) -> bytes:
     """Return the image at `url` as JPEG; raises SnapshotError on failure or after `limit_s`."""
     try:
         async with asyncio.timeout(limit_s):
+            if url.startswith("rtsp:"):
+                return await asyncio.to_thread(_frame_of, url, limit_s)
             verify = await asyncio.to_thread(_load, url)
             return await asyncio.to_thread(safe_image, await _content(url, verify))
     except TimeoutError:
         raise SnapshotError(f"no answer within {limit_s:g} s") from None
+
+
+def _frame_of(url: str, limit_s: float) -> bytes:
+    """Return the first complete image of the stream at `url`; raises SnapshotError on failure."""
+    try:
+        av: Any = import_module("av")
+    except ModuleNotFoundError:
+        raise SnapshotError(f"streams, which needs PyAV: {install_hint('camera')}") from None
+    until_s, size = monotonic() + limit_s, 0
+    try:
+        with av.open(url, options=_STREAMING, timeout=limit_s) as stream:
+            video = stream.streams.video[0]
+            video.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
+            for packet in stream.demux(video):
+                size += packet.size
+                if size > MOST_BYTES or monotonic() > until_s:
+                    break
+                for frame in packet.decode():
+                    if not frame.is_corrupt:
+                        return _encoded(frame.to_image())
+    except (av.FFmpegError, IndexError, OSError, ValueError) as error:
+        raise SnapshotError(f"streams no video ({type(error).__name__})") from None
+    raise SnapshotError("streams no image that can be read")
 
 
 def _load(url: str) -> ssl.SSLContext | bool:
@@ -78,9 +114,14 @@ def safe_image(content: bytes) -> bytes:
             if image.width * image.height > MOST_PIXELS:
                 raise SnapshotError(f"sends too large a picture: {image.width} × {image.height}")
             image.draft("RGB", (MOST_SIDE, MOST_SIDE))
-            image.thumbnail((MOST_SIDE, MOST_SIDE))
-            buffer = BytesIO()
-            image.convert("RGB").save(buffer, "JPEG", quality=85)
+            return _encoded(image)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise SnapshotError("sends no picture that can be read (JPEG or PNG)") from error
+
+
+def _encoded(image: "Image") -> bytes:
+    """Return an image as JPEG with sides of at most MOST_SIDE pixels."""
+    image.thumbnail((MOST_SIDE, MOST_SIDE))
+    buffer = BytesIO()
+    image.convert("RGB").save(buffer, "JPEG", quality=85)
     return buffer.getvalue()

@@ -1,5 +1,6 @@
 """The checkpoint as data: frames, walls, lanes, zones, platforms and assets, in metres."""
 
+import re
 from math import atan2, degrees, floor, hypot
 from typing import Annotated, Literal, Self, get_args
 
@@ -24,6 +25,9 @@ OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
 
 MOST_ROWS = 400
 """The largest number of rows and of columns of a background."""
+
+_IMAGE_TOPIC = r"ros2:(/[A-Za-z0-9_]+)+"
+"""The address of an image that is published on a topic of ROS 2."""
 
 
 class Frame(StrictModel):
@@ -80,16 +84,22 @@ class Camera(Sensing):
         default=None,
         max_length=500,
         exclude_if=lambda url: url is None,
-        description="address of its JPEG or PNG image: http://10.0.0.7/snapshot.jpg",
+        description="address of its image: http://10.0.0.7/snapshot.jpg, rtsp://, or ros2:/TOPIC",
     )
 
     @field_validator("snapshot")
     @classmethod
     def _is_address(cls, url: str | None) -> str | None:
-        if url is not None:
-            form = "http://HOST[:PORT]/PATH, or https://"
-            server_address(url, {"http": 80, "https": 443}, "a camera", form)
+        if url is not None and re.fullmatch(_IMAGE_TOPIC, url) is None:
+            form = "http://HOST[:PORT]/PATH, https://, rtsp://, or ros2:/TOPIC"
+            server_address(url, {"http": 80, "https": 443, "rtsp": 554}, "a camera", form)
         return url
+
+    @property
+    def image_topic(self) -> str:
+        """The ROS 2 topic of its image, a `sensor_msgs/CompressedImage`; '' if it has none."""
+        scheme, _, topic = (self.snapshot or "").partition(":")
+        return topic if scheme == "ros2" else ""
 
     def covers(self, point: Point) -> bool:
         """Return whether a point is within range and field of view, walls aside."""

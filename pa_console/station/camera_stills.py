@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-from pa_console.fleets.fleet import Filmed, Fleet
+from pa_console.fleets.fleet import Filmed, Fleet, RelaysImages
 from pa_console.fleets.snapshot import SnapshotError, fetch_snapshot
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Mission
@@ -143,9 +143,13 @@ class CameraStills:
 
     async def _picture(self, camera: str, track: str) -> bytes:
         """Return a picture from the camera; only this task waits for it."""
-        url = self._fleet.world.cameras[camera].snapshot
-        if url is not None:
-            return await fetch_snapshot(url)
+        spec = self._fleet.world.cameras[camera]
+        if spec.image_topic:
+            if not isinstance(self._fleet, RelaysImages):
+                raise SnapshotError("needs a link to ROS 2: --fleet ros2:FILE")
+            return await asyncio.to_thread(self._fleet.image_on, spec.image_topic)
+        if spec.snapshot is not None:
+            return await fetch_snapshot(spec.snapshot)
         make = self._fleet.still(camera, track) if isinstance(self._fleet, Filmed) else None
         if make is None:
             raise SnapshotError("gives no picture")

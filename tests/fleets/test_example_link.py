@@ -120,8 +120,7 @@ def test_it_moves_stops_and_refuses(url: str, world: World) -> None:
 
 
 def test_a_look_at_it_says_who_reports(url: str, world: World) -> None:
-    opened(url, world).close()
-    seen = survey(url, world, Settings(), LIMIT_S)
+    seen = survey(opened(url, world), LIMIT_S)
     assert seen.in_words() == f"{url}: connected; reports from {ROBOT}"
 
 

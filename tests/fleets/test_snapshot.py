@@ -108,12 +108,13 @@ async def test_an_address_at_which_nobody_is() -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["rtsp://10.0.0.7/live", "file:///etc/passwd", "http://", "http://["]
+    "url", ["ftp://10.0.0.7/x", "file:///etc/passwd", "http://", "http://[", "ros2:x", "ros2:/a b"]
 )
-def test_a_world_file_takes_web_addresses_alone(url: str) -> None:
+def test_a_world_file_takes_addresses_of_images_alone(url: str) -> None:
     site = open_world("checkpoint")[0].model_dump()
-    site["cameras"][CAMERA]["snapshot"] = "http://10.0.0.7:8080/snapshot.jpg"
-    assert World.model_validate(site).cameras[CAMERA].snapshot
+    for good in ("http://10.0.0.7:8080/snapshot.jpg", "rtsp://10.0.0.7/live", "ros2:/gate/image"):
+        site["cameras"][CAMERA]["snapshot"] = good
+        assert World.model_validate(site).cameras[CAMERA].snapshot == good
     site["cameras"][CAMERA]["snapshot"] = url
     with pytest.raises(ValueError, match=f"cameras.{CAMERA}.snapshot"):
         World.model_validate(site)

@@ -21,13 +21,14 @@ from pa_console.station.clock import Clock, DevicesClock, SteppedClock
 from pa_console.terminal.output import errors
 
 if TYPE_CHECKING:
-    from pa_console.fleets.link import Link
+    from pa_console.fleets.link import Link, Listener
     from pa_console.fleets.linked_fleet import LinkedFleet
     from pa_console.fleets.simulated import Verify
     from pa_console.fleets.station_authority import StationAuthority
     from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
     from pa_console.fleets.vda5050.station_link import JoinedBus
+    from pa_console.schema.world import World
     from pa_console.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
@@ -130,9 +131,9 @@ def find_fleet(
     """
     if not urls:
         return FoundFleet(world)
-    from pa_console.fleets.link import BUS, open_link  # noqa: PLC0415
+    from pa_console.fleets.link import open_link  # noqa: PLC0415
 
-    buses = [url for url in urls if "://" in url and url.partition(":")[0] in BUS]
+    buses = [url for url in urls if _is_bus(url)]
     others = [url for url in urls if url not in buses]
     if len(buses) > 1:
         raise ValueError(f"--fleet takes one message bus at most, not {' and '.join(buses)}")
@@ -160,18 +161,44 @@ def find_fleet(
     return replace(found, links=tuple(links))
 
 
-def _join_bus(url: str, certificates: Path | None, world: str, settings: Settings) -> FoundFleet:
-    """Join the bus at `url`; raises ValueError, and DocumentError if the world is not valid."""
+def open_listener(
+    url: str, certificates: Path | None, world: "World", settings: Settings
+) -> "Listener":
+    """Return the link or the bus at `url`, to survey it; raises ValueError if it cannot be used."""
+    if not _is_bus(url):
+        from pa_console.fleets.link import open_link  # noqa: PLC0415
+
+        return open_link(url, world, settings)
+    from pa_console.fleets.vda5050.examination import BusListener  # noqa: PLC0415
+
+    return BusListener(world, _join(url, certificates))
+
+
+def _is_bus(url: str) -> bool:
+    from pa_console.fleets.link import BUS  # noqa: PLC0415
+
+    return "://" in url and url.partition(":")[0] in BUS
+
+
+def _join(url: str, certificates: Path | None) -> "JoinedBus":
+    """Join the bus at `url`; raises ValueError if it cannot be joined."""
     from pa_console.fleets.vda5050.broker import BrokerAddress  # noqa: PLC0415
-    from pa_console.fleets.vda5050.station_link import join, with_newcomers  # noqa: PLC0415
-    from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
+    from pa_console.fleets.vda5050.station_link import join  # noqa: PLC0415
 
     address = BrokerAddress.parse(url)
-    loaded, path = open_world(world)
     own, receives = claim_credentials(address, certificates, STATION), None
     if certificates is not None and (certificates / f"{TELEMETRY}.crt").is_file():
         receives = claim_credentials(address, certificates, TELEMETRY)
-    joined = join(address, own, receives)
+    return join(address, own, receives)
+
+
+def _join_bus(url: str, certificates: Path | None, world: str, settings: Settings) -> FoundFleet:
+    """Join the bus at `url`; raises ValueError, and DocumentError if the world is not valid."""
+    from pa_console.fleets.vda5050.station_link import with_newcomers  # noqa: PLC0415
+    from pa_console.sim.worlds.world_generator import world_yaml  # noqa: PLC0415
+
+    loaded, path = open_world(world)
+    joined = _join(url, certificates)
     try:
         sha256 = hashlib.sha256(read_bytes(path)).hexdigest()
         larger, notices = with_newcomers(loaded, joined)

@@ -7,6 +7,7 @@ import typer
 
 from pa_console.cli import completion
 from pa_console.cli.options import WorldOption
+from pa_console.cli.sessions.fleet import open_listener
 from pa_console.cli.settings_defaults import settings_of
 from pa_console.fleets.link import FoundRobot
 from pa_console.schema.text import count
@@ -88,7 +89,7 @@ def from_robots(
     found: dict[str, FoundRobot] = {}
     for url in fleet:
         with errors.status(f"looking at {url}"):
-            seen = survey(url, base, settings_of(context).values)
+            seen = survey(open_listener(url, None, base, settings_of(context).values))
         errors.print_line(seen.in_words())
         present |= seen.reports.keys()
         found |= {robot.name: robot for robot in seen.found}

@@ -26,6 +26,7 @@ from pa_console.fleets.mavlink.ardupilot import Parameter, parameters
 from pa_console.fleets.mavlink.autopilot import MavsdkAutopilot
 from pa_console.fleets.mavlink.flight import Flight
 from pa_console.fleets.mavlink.vehicles_file import MavlinkVehicles, read_vehicles
+from pa_console.fleets.readiness import readiness_finding
 from pa_console.fleets.threaded_link import ThreadedLink, opened
 from pa_console.schema.base import Point
 from pa_console.schema.command import DeviceCommand
@@ -212,7 +213,7 @@ class MavlinkLink(ThreadedLink):
         found: list[LinkFinding] = []
         for name in names:
             autopilot = self._autopilots[name]
-            found.append(self._flights[name].readiness.finding)
+            found.append(readiness_finding(name, self._flights[name].readiness.why))
             found += autopilot.messages.findings(name, time.monotonic())
             values = dict(autopilot.parameters)
             found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]

@@ -22,12 +22,15 @@ from pa_console.fleets.ros2.connection import RobotSite, read_site
 from pa_console.fleets.ros2.messages import UnreadableError, read_grid
 from pa_console.fleets.ros2.navigator import HELD
 from pa_console.fleets.ros2.robot import Robot
+from pa_console.fleets.snapshot import MOST_BYTES, MOST_S, SnapshotError, safe_image
 from pa_console.fleets.threaded_link import ThreadedLink, opened
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.document import DocumentError
 from pa_console.schema.world import World
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.occupancy_map import background_of
+
+IMAGE = "sensor_msgs/msg/CompressedImage"
 
 MAP_S = 5.0
 """The least time between two maps that are processed, in seconds."""
@@ -85,9 +88,27 @@ class Ros2Link(ThreadedLink):
             found.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
         return found
 
-    def examine(self, seconds: float) -> Sequence[LinkFinding]:  # noqa: ARG002 - it has listened
-        """Return findings about every robot and about their map."""
-        findings = [each for robot in self._robots.values() for each in robot.examine()]
+    def image_on(self, topic: str, limit_s: float = MOST_S) -> bytes:
+        """Return the next image on `topic`; raises SnapshotError if there is no valid image."""
+        try:
+            message = self._node.next_message(topic, IMAGE, MOST_BYTES, limit_s)
+        except TimeoutError:
+            raise SnapshotError(f"sends no image on {topic} within {limit_s:g} s") from None
+        except UnreadableError:
+            raise SnapshotError(f"sends more than {MOST_BYTES // 1_000_000} MB") from None
+        return safe_image(bytes(message.data))
+
+    def examine(self, seconds: float) -> Sequence[LinkFinding]:
+        """Return findings about every robot, about their map, and about cameras with a topic."""
+        findings = [finding for robot in self._robots.values() for finding in robot.examine()]
+        cameras = {name: spec.image_topic for name, spec in self._site.world.cameras.items()}
+        topics = {name: topic for name, topic in cameras.items() if topic}
+        for name, topic in topics.items():
+            try:
+                state = f"an image of {len(self.image_on(topic, seconds / len(topics)))} bytes"
+                findings.append(LinkFinding(name, topic, state))
+            except SnapshotError as error:
+                findings.append(LinkFinding(name, topic, str(error), IMAGE, "no picture is shown"))
         if (topic := self._site.connection.map) is not None:
             maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
             wanted = "once, from map_server or SLAM, or set 'map: null'"

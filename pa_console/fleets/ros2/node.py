@@ -7,6 +7,7 @@ import math
 import secrets
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from functools import partial
 from importlib import import_module
 from threading import Thread
@@ -14,7 +15,7 @@ from time import monotonic
 from typing import Any
 
 from pa_console.fleets.ros2.connection import RobotEntry
-from pa_console.fleets.ros2.messages import Planar, read_result, read_state
+from pa_console.fleets.ros2.messages import Planar, UnreadableError, read_result, read_state
 
 
 def _interface(name: str) -> Any:
@@ -29,6 +30,7 @@ _actions: Any = import_module("rclpy.action")
 _executors: Any = import_module("rclpy.executors")
 _qos: Any = import_module("rclpy.qos")
 _events: Any = import_module("rclpy.event_handler")
+_serialization: Any = import_module("rclpy.serialization")
 _GOTO = "nav2_msgs/action/NavigateToPose"
 _Impl, _CancelGoal = _interface(_GOTO).Impl, _interface("action_msgs/srv/CancelGoal")
 _GetState = _interface("lifecycle_msgs/srv/GetState")
@@ -99,20 +101,50 @@ class RosNode:
         self._wake.trigger()
 
     def listen(
-        self, topic: str, kind: str, take: Then, *, kept: bool = False, depth: int = 50
-    ) -> None:
-        """Subscribe to a topic; `kept` topics deliver their last message at once.
+        self,
+        topic: str,
+        kind: str,
+        take: Then,
+        *,
+        kept: bool = False,
+        depth: int = 50,
+        raw: bool = False,
+    ) -> Any:
+        """Return a subscription to a topic; `kept` topics deliver their last message at once.
 
-        If messages arrive too fast, only the last `depth` messages are processed.
+        If messages arrive too fast, only the last `depth` messages are processed. A `raw` message
+        is passed to `take` as it was received, in bytes.
         """
         reliable = _qos.ReliabilityPolicy.RELIABLE if kept else _qos.ReliabilityPolicy.BEST_EFFORT
         durable = _qos.DurabilityPolicy.TRANSIENT_LOCAL if kept else _qos.DurabilityPolicy.VOLATILE
         profile = _qos.QoSProfile(depth=depth, reliability=reliable, durability=durable)
         # Each default event handler would make every wait of the executor longer.
         events = _events.SubscriptionEventCallbacks(use_default_callbacks=False)
-        self.node.create_subscription(
-            _interface(kind), topic, take, profile, event_callbacks=events
+        return self.node.create_subscription(
+            _interface(kind), topic, take, profile, event_callbacks=events, raw=raw
         )
+
+    def next_message(self, topic: str, kind: str, most_bytes: int, limit_s: float) -> Any:
+        """Return the next message on a topic; waits in the caller's thread.
+
+        The topic is subscribed to only for this time. Raises TimeoutError after `limit_s`, and
+        UnreadableError for a message of more than `most_bytes`.
+        """
+        arrived: Future[bytes] = Future()
+        subscriptions: deque[Any] = deque()
+
+        def take(message: bytes) -> None:
+            if not arrived.done():
+                arrived.set_result(message)
+
+        self.post(lambda: subscriptions.append(self.listen(topic, kind, take, depth=1, raw=True)))
+        try:
+            content = arrived.result(limit_s)
+        finally:
+            self.post(lambda: self.node.destroy_subscription(subscriptions.pop()))
+        if len(content) > most_bytes:
+            raise UnreadableError(f"it has {len(content)} bytes")
+        return _serialization.deserialize_message(content, _interface(kind))
 
     def call(
         self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pa_console.fleets.link import AssetReport, LinkFinding, LinkNews, LinkNotice
-from pa_console.fleets.readiness import MessageWatch, NeededMessage, Readiness
+from pa_console.fleets.readiness import MessageWatch, NeededMessage, Readiness, readiness_finding
 from pa_console.fleets.ros2 import messages
 from pa_console.fleets.ros2.connection import RobotEntry, RobotSite
 from pa_console.fleets.ros2.localization import Localization
@@ -147,23 +147,32 @@ class Robot:
 
         A robot without any sign of life yields none, because it is lost and not unready.
         """
-        watch, place, since_s = self._watch, self.localization.place, now_s - SILENT_S
-        shared = self._entry.named(self.name, self._entry.tf)  # other robots' transforms, too
-        heard = any(watch.last_s(n.name) > since_s for n in watch.needed if n.name != shared)
-        placed = place is not None and place.arrived_s > since_s
-        if watch.began_s > since_s or not (self._servers or heard or placed):
+        watch, since_s = self._watch, now_s - SILENT_S
+        if watch.began_s > since_s or not self._is_heard(since_s):
             return
         missing = [need.name for need in watch.missing(now_s) if need.patience_s == SILENT_S]
         if not self._servers:
             yield f"no action server {self.server.action} is there"
         yield from (f"nothing comes on {topic}" for topic in missing)
-        if self._entry.pose == "tf" and not (missing or placed):
+        if self._entry.pose == "tf" and not (missing or self._is_placed(since_s)):
             yield f"no transform leads from {self._entry.map_frame} to {self._entry.base_frame}"
         yield from (f"{node} is {s}" for node, s in self._states.items() if s != ACTIVE_STATE)
 
+    def _is_placed(self, since_s: float) -> bool:
+        place = self.localization.place
+        return place is not None and place.arrived_s > since_s
+
+    def _is_heard(self, since_s: float) -> bool:
+        """Return whether there has been a sign of life from the robot."""
+        shared = self._entry.named(self.name, self._entry.tf)  # other robots' transforms, too
+        own = (need.name for need in self._watch.needed if need.name != shared)
+        heard = any(self._watch.last_s(name) > since_s for name in own)
+        return bool(self._servers) or heard or self._is_placed(since_s)
+
     def examine(self) -> Iterator[LinkFinding]:
         """Yield findings about the robot: readiness, action servers, messages, place, nodes."""
-        yield self.readiness.finding
+        heard = self._is_heard(time.monotonic() - SILENT_S)
+        yield readiness_finding(self.name, self.readiness.why if heard else "nothing comes from it")
         servers, action = self.server.servers, self.server.action
         alone = LinkFinding(self.name, action, count(servers, "action server"))
         yield alone.unless(servers == 1, "1, of bt_navigator", "it takes no goals")

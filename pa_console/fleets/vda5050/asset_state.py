@@ -1,7 +1,7 @@
 """The conversion between the telemetry of an asset and the state message of a robot."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from typing import get_args
 
@@ -28,8 +28,6 @@ from pa_console.sim.worlds.terrain import Terrain
 
 BROKEN, IMPAIRED, TASK = "BROKEN_DOWN", "IMPAIRED", "task"
 TASKS: Mapping[str, Task] = {task: task for task in get_args(Task)}
-MANUAL = frozenset(("MANUAL", "INTERVENED", "TEACH_IN"))
-"""The operating modes in which a person drives the robot and it accepts no orders."""
 _DOING: Mapping[str, Task] = {
     **{verb: spec.task for verb, spec in COMMANDS.items() if spec.contact and spec.task},
     "return_to_base": "returning",
@@ -102,7 +100,7 @@ def telemetry_of(
     low_pct, battery_pct = terrain.world.low_battery_pct, state.power_supply.state_of_charge
     velocity = state.velocity or Velocity()
     speed = math.hypot(velocity.vx or 0.0, velocity.vy or 0.0)
-    status, manual = _status(state), state.operating_mode in MANUAL
+    status, manual = _status(state), state.manual
     at = terrain.frame_at(place.x, place.y)
     running = next((a for a in reversed(state.action_states) if a.action_status not in ENDED), None)
     return AssetTelemetry.of_valid(
@@ -131,13 +129,22 @@ def telemetry_of(
     )
 
 
+def faults_of(state: RobotState) -> Iterator[str]:
+    """Yield the faults for which a robot counts as failed."""
+    if state.operating_mode in ("STARTUP", "SERVICE"):
+        yield f"its operating mode is {state.operating_mode}"
+    if (stop := state.safety_state.active_emergency_stop) != "NONE":
+        yield f"its emergency stop is active ({stop})"
+    for error in state.errors:
+        if error.error_level in ("CRITICAL", "FATAL"):
+            yield f"{error.error_type} ({error.error_level})"
+
+
 def _status(state: RobotState) -> AssetStatus:
-    levels = {error.error_level for error in state.errors}
-    unable = state.operating_mode in ("STARTUP", "SERVICE")
-    stopped = state.safety_state.active_emergency_stop != "NONE"
-    if unable or stopped or levels & {"CRITICAL", "FATAL"}:
+    if any(faults_of(state)):
         return "failed"
-    return "degraded" if "URGENT" in levels else "ok"
+    urgent = any(error.error_level == "URGENT" for error in state.errors)
+    return "degraded" if urgent else "ok"
 
 
 def _post(state: RobotState, terrain: Terrain) -> str | None:

@@ -20,6 +20,9 @@ STANDS_MPS = 0.05
 MAP = "site"
 """The only map; all positions are on it."""
 
+MANUAL = frozenset(("MANUAL", "INTERVENED", "TEACH_IN"))
+"""The operating modes in which a person drives the robot and it accepts no orders."""
+
 ConnectionState = Literal["ONLINE", "OFFLINE", "HIBERNATING", "CONNECTION_BROKEN"]
 
 
@@ -229,6 +232,11 @@ class RobotState(Header):
     velocity: Velocity | None = None
     zone_sets: tuple[KnownZoneSet, ...] | None = Field(default=None, max_length=MOST_ITEMS)
     information: Items[Info] = Field(default=(), max_length=MOST_ITEMS)
+
+    @property
+    def manual(self) -> bool:
+        """True while a person drives the robot."""
+        return self.operating_mode in MANUAL
 
     @property
     def moves(self) -> bool:

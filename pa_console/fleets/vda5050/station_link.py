@@ -352,19 +352,20 @@ def take_retained(link: StationLink) -> list[Delivery]:
 
 
 def with_newcomers(world: World, joined: JoinedBus) -> tuple[World, tuple[str, ...]]:
-    """Return `world` with the new robots on the bus as assets, and a line about each of them.
+    """Return `world` with the new robots on the bus as assets, and a line about each of them."""
+    added, lines = with_robots(world, robots_on(joined))
+    if not added:
+        return world, lines
+    return world.model_copy(update={"assets": {**world.assets, **added}}), lines
 
-    The kind of an asset follows from the factsheet of the robot, and its platform from the kind.
-    """
-    found = [
+
+def robots_on(joined: JoinedBus) -> list[FoundRobot]:
+    """Return the robots that are connected, with the kinds that follow from their factsheets."""
+    return [
         FoundRobot(identity.serial_number, kind_of(sheet), detail=f"of {identity.manufacturer}")
         for identity, sheet in sorted(joined.factsheets.items())
         if identity in joined.online
     ]
-    added, told = with_robots(world, found)
-    if not added:
-        return world, told
-    return world.model_copy(update={"assets": {**world.assets, **added}}), told
 
 
 def kind_of(sheet: Factsheet) -> AssetKind:

@@ -42,9 +42,10 @@ def doctor(
     """Look for everything that the console needs; exit code 0 when nothing is missing."""
     with errors.status("looking") as status:
         checks = [machine.check_broker(certificates)] if certificates is not None else []
+        values = machine.load_or_default()[0].values
         for url in fleet or ():
             status.update(f"looking at {url}, {LOOK_S:g} s at most")
-            checks.append(machine.check_link(url, machine.load_or_default()[0].values))
+            checks.append(machine.check_link(url, values, certificates))
         for check in _checks(status.update):
             checks.append(check)
             status.update(f"looked at {check.name}")

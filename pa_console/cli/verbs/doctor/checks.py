@@ -16,6 +16,7 @@ from typing import Literal
 from rich.console import Console
 
 from pa_console.child_processes import python_command
+from pa_console.cli.sessions.fleet import open_listener
 from pa_console.fleets.link import OWN, LinkFinding, link_schemes
 from pa_console.fleets.newcomers import survey
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
@@ -231,19 +232,19 @@ def check_schemes() -> Iterator[Check]:
             yield Check(f"link {scheme}", "ok", point.value)
 
 
-def check_link(url: str, settings: Settings) -> Check:
+def check_link(url: str, settings: Settings, certificates: Path | None = None) -> Check:
     """Check the robots on the link at `url` against the world in the settings."""
     name = f"link {url}"
     try:
         world, _ = open_world(settings.world)
-        seen = survey(url, world, settings, examine=True)
+        seen = survey(open_listener(url, certificates, world, settings), examine=True)
     except (ValueError, DocumentError) as error:
         return Check(name, "missing", str(error), "see 'pa-console manual connect-a-robot'")
     if seen.problem:
         return Check(name, "missing", seen.in_words(), "see its address and the network")
     remedy = "switch on what is silent; see its names" if seen.silent or not seen.agents else ""
     if any(finding.consequence for finding in seen.findings):
-        remedy = remedy or "see the table: set the parameters as it says, and start the robot again"
+        remedy = remedy or "see the table: set the robot up as it says, and start it again"
     state: State = "warning" if remedy else "ok"
     return Check(name, state, seen.in_words(), remedy, seen.findings)
 
