@@ -1,6 +1,9 @@
 """The worlds, rules and model catalogue that are installed with the package."""
 
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 from pa_console.schema.document import DocumentError
@@ -30,6 +33,27 @@ def install_hint(extra: str) -> str:
     if prefix.parent.parts[-2:] == ("pipx", "venvs"):
         return f"pipx runpip {prefix.name} install 'pa-console[{extra}]'"
     return f"pip install 'pa-console[{extra}]'"
+
+
+def missing_library(module: str, extra: str, what: str) -> str:
+    """Return the command that installs `module` with its `extra`; '' if it is installed.
+
+    `what` begins the sentence, such as `alerts need`. The module is not imported.
+    """
+    return "" if find_spec(module) else _not_installed(module, extra, what)
+
+
+@contextmanager
+def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
+    """Raise ValueError with the `extra` to install if an import in the block fails."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise ValueError(_not_installed(error.name, extra, what)) from error
+
+
+def _not_installed(module: str | None, extra: str, what: str) -> str:
+    return f"{what} a library that is not installed ({module}): {install_hint(extra)}"
 
 
 def find_data(kind: str, name: str, file: str) -> Path:

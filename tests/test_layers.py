@@ -3,10 +3,15 @@
 import json
 import subprocess
 import sys
+import tomllib
 from importlib import import_module
+from importlib.metadata import packages_distributions
+from itertools import chain
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import pa_console
 
@@ -50,6 +55,20 @@ print(*sys.modules)
 """
 
 
+def libraries_of_extras() -> set[str]:
+    """The modules of the libraries that only an extra brings."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = project["optional-dependencies"].values()
+    core = {project["name"], *map(_name, project["dependencies"])}
+    plugins = {_name(line) for line in chain.from_iterable(extras)} - core
+    owners = packages_distributions().items()
+    return {module for module, names in owners if plugins & set(map(canonicalize_name, names))}
+
+
+def _name(requirement: str) -> str:
+    return canonicalize_name(Requirement(requirement).name)
+
+
 def core_modules() -> list[str]:
     paths = sorted((ROOT / "pa_console").rglob("*.py"))
     names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths]
@@ -69,6 +88,13 @@ def test_the_core_is_all_there() -> None:
     packages = {name.split(".")[1] for name in core_modules() if "." in name}
     assert packages >= {"schema", "resources", "sim", "policy", "llm", "session", "views"}
     assert packages >= {"mission", "station", "evaluation"}
+
+
+@pytest.mark.parametrize("script", [STARTED, CONSOLE_LOADED, VERBS_LOADED])
+def test_the_console_and_its_verbs_load_no_library_of_an_extra(script: str) -> None:
+    libraries = libraries_of_extras()
+    assert {"aiomqtt", "matplotlib", "openai", "opentelemetry", "prometheus_client"} <= libraries
+    assert not loaded_by(script) & libraries
 
 
 def test_the_core_needs_neither_a_screen_nor_the_model_libraries() -> None:
@@ -120,12 +146,7 @@ def test_the_console_opens_without_what_only_other_screens_need() -> None:
     loaded = loaded_by(CONSOLE_LOADED)
     assert "pa_console.tui.screens.main" in loaded
     assert not loaded & {
-        "jsonschema",
-        "mcp",
         "pa_console.mcp",
-        "matplotlib.pyplot",
-        "networkx",
-        "openai",
         "prompt_toolkit",
         "pa_console.evaluation.reporting.report",
         "pa_console.tui.screens.compare",

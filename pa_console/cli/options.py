@@ -1,7 +1,6 @@
 """The options that several verbs share, with their help; the options of a session are one value."""
 
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from pa_console.cli import completion
-from pa_console.resources import install_hint
+from pa_console.resources import naming_what_is_missing
 
 if TYPE_CHECKING:
     from pa_console.evaluation.dask_sweep import Workers
@@ -123,26 +122,14 @@ def one_of(**given: bool) -> None:
         raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
 
 
-@contextmanager
-def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
-    """Raise ValueError with the `extra` to install if an import in the block fails."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ValueError(
-            f"{what} a library that is not installed ({error.name}): {install_hint(extra)}"
-        ) from error
-
-
 def dask_workers(where: int | str) -> "Workers":
     """Return the workers for a number of local processes, or for the address of a scheduler.
 
     Raises ValueError if Dask is not installed.
     """
-    try:
+    with naming_what_is_missing("sweep", "a sweep needs"):
         from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
-    except ImportError as error:
-        raise ValueError(f"a sweep needs Dask: {install_hint('sweep')}") from error
+
     return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
 
 

@@ -18,6 +18,8 @@ from pa_console.resources import install_hint
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+from pa_console.resources import missing_library
+
 MOST_S, MOST_BYTES, MOST_PIXELS = 5.0, 4_000_000, 24_000_000
 """The longest wait in seconds, the largest file in bytes, and the largest image in pixels."""
 MOST_SIDE = 800
@@ -72,6 +74,8 @@ def _frame_of(url: str, limit_s: float) -> bytes:
 
 def _load(url: str) -> ssl.SSLContext | bool:
     """Import the HTTP library, which takes a moment; return the TLS context, or False for HTTP."""
+    if missing := missing_library("httpx2", "camera", "a camera with an address needs"):
+        raise SnapshotError(missing)
     import_module("httpx2")
     return url.startswith("https:") and ssl.create_default_context()
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from pa_console.resources import install_hint
+from pa_console.resources import naming_what_is_missing
 from pa_console.schema.events.event import Event
 
 Observer = Callable[[Event], None]
@@ -46,21 +46,19 @@ def observed(
     with ExitStack() as stack:
         observers = list(also)
         if asked.metrics_port is not None:
-            from pa_console.observability.session_metrics import MetricsServer, SessionMetrics  # noqa: PLC0415
-
+            with naming_what_is_missing("telemetry", "metrics need"):
+                from pa_console.observability.session_metrics import (  # noqa: PLC0415
+                    MetricsServer,
+                    SessionMetrics,
+                )
             metrics = SessionMetrics()
             stack.enter_context(MetricsServer(metrics.registry, asked.metrics_port))
             observers.append(metrics.take)
         if asked.traces:
-            from pa_console.observability.mission_spans import MissionSpans  # noqa: PLC0415
-
-            try:
+            with naming_what_is_missing("telemetry", "traces need"):
+                from pa_console.observability.mission_spans import MissionSpans  # noqa: PLC0415
                 from pa_console.observability.span_export import SpanExport  # noqa: PLC0415
-            except ImportError as error:
-                raise ValueError(
-                    f"traces need a library that is not installed ({error.name}): "
-                    f"{install_hint('telemetry')}"
-                ) from error
+
             export = SpanExport(asked.traces, asked.version)
             stack.callback(lambda: tell(export.problem) if export.problem else None)
             stack.enter_context(export)

@@ -5,8 +5,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from pa_console import __version__
-from pa_console.cli.options import SessionOptions, naming_what_is_missing
+from pa_console.cli.options import SessionOptions
 from pa_console.observability import Observer, Observing, observed
+from pa_console.resources import naming_what_is_missing
 from pa_console.schema.events.event import OutsideReport
 from pa_console.settings.schema import Settings
 from pa_console.station.alarms.alerts import Alerting, AlertRules

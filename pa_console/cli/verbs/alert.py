@@ -2,7 +2,8 @@
 
 import typer
 
-from pa_console.cli.options import AlertLaterOption, AlertOption, JsonOption, naming_what_is_missing
+from pa_console.cli.options import AlertLaterOption, AlertOption, JsonOption
+from pa_console.resources import naming_what_is_missing
 from pa_console.station.alarms.alerts import Message
 from pa_console.terminal.output import FAILED, out, print_json
 

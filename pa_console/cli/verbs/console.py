@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from pa_console import __version__
-from pa_console.cli.options import AttendedOptions, MouseOption, naming_what_is_missing
+from pa_console.cli.options import AttendedOptions, MouseOption
 from pa_console.cli.settings_defaults import OBSERVED, settings_of
+from pa_console.resources import naming_what_is_missing
 from pa_console.terminal.opening_frame import OpeningFrame, frame_file
 from pa_console.terminal.output import DRIVER
 

@@ -62,6 +62,7 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.policy.pinned_rules import RulesPins
+from pa_console.resources import missing_library
 from pa_console.schema.text import count
 from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out, print_json, warn_of_altered
@@ -376,15 +377,27 @@ def _about(
 
 
 def _report(folder: Path, *, json: bool) -> None:
-    """Write both reports and print the tables, or everything as JSON."""
-    from pa_console.evaluation.reporting.report import build_tables, write_report  # noqa: PLC0415 - plotting is slow
+    """Write both reports and print the tables, or everything as JSON.
+
+    Without the extra `eval`, the tables are printed and a line tells how to install it.
+    """
+    from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - numpy is slow
+        MARKDOWN,
+        PAGE,
+        build_tables,
+        write_report,
+    )
 
     records = read_runs(folder)
     if not records:
         raise ValueError(f"{folder}: there is no run here yet; pa-console eval makes some")
-    tables = build_tables(records)
-    with errors.status("drawing the report"):
-        write_report(folder, records, read_about(folder))
+    tables, files = build_tables(records), (PAGE, MARKDOWN)
+    if missing := missing_library("matplotlib", "eval", f"{' and '.join(files)} need"):
+        errors.print_line(missing, style="yellow")
+        files = ()
+    else:
+        with errors.status("drawing the report"):
+            write_report(folder, records, read_about(folder))
     if json:
         print_json({"folder": str(folder), "tables": tables, "runs": records})
         return
@@ -393,5 +406,5 @@ def _report(folder: Path, *, json: bool) -> None:
         if table.note:
             out.print(table.note)
         out.print()
-    for name in ("report.html", "report.md", "runs.jsonl"):
+    for name in (*files, "runs.jsonl"):
         out.print_line(str(folder / name))

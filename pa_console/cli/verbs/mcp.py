@@ -11,9 +11,9 @@ from pa_console.cli.options import (
     SeedOption,
     SessionOptions,
     WorldOption,
-    naming_what_is_missing,
 )
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.resources import naming_what_is_missing
 
 
 def mcp(

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 import typer
 
 from pa_console.child_processes import python_command
-from pa_console.cli.options import AttendedOptions, JsonOption, naming_what_is_missing
+from pa_console.cli.options import AttendedOptions, JsonOption
 from pa_console.cli.settings_defaults import OBSERVED, given_words, settings_of
+from pa_console.resources import naming_what_is_missing
 
 PORT = 8765
 OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))

@@ -2,8 +2,9 @@
 
 import typer
 
-from pa_console.cli.options import FollowOptions, naming_what_is_missing
+from pa_console.cli.options import FollowOptions
 from pa_console.cli.settings_defaults import settings_of
+from pa_console.resources import naming_what_is_missing
 
 
 def tak(context: typer.Context, options: FollowOptions) -> None:

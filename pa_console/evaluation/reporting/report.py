@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
-
 from pa_console.evaluation.jobs import ABOUT
 from pa_console.evaluation.reporting.drawing import inline, render
 from pa_console.evaluation.reporting.figures import (
@@ -205,8 +203,16 @@ class RunRow(NamedTuple):
 def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str, Any]) -> None:
     """Write report.md, figures/ and report.html into `folder`; `about` is from run.json.
 
-    Equal records give equal files. Raises OSError if `folder` cannot be written.
+    Equal records give equal files. Raises ImportError without the extra `eval`, and OSError if
+    `folder` cannot be written.
     """
+    from jinja2 import (  # noqa: PLC0415 - in the extra
+        Environment,
+        FileSystemLoader,
+        StrictUndefined,
+        select_autoescape,
+    )
+
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     shown = [_write_figure(folder, drawn) for drawn in build_figures(records)]
     sections = [

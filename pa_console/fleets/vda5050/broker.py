@@ -21,7 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.fleets.vda5050.wire import Token
 from pa_console.network_address import host_and_port, is_this_machine, server_address
-from pa_console.resources import install_hint
+from pa_console.resources import install_hint, missing_library
 
 if TYPE_CHECKING:
     from aiomqtt import Client
@@ -185,6 +185,12 @@ QUIET.propagate = False
 """
 
 
+def require_client() -> None:
+    """Raise ValueError if the library of a client, which is loaded later, is not installed."""
+    if missing := missing_library("aiomqtt", "vda5050", "a message bus needs"):
+        raise ValueError(missing)
+
+
 def say_nothing(_loop: asyncio.AbstractEventLoop, _context: dict[str, Any]) -> None:
     """Ignore an error of the event loop.
 
@@ -334,7 +340,7 @@ def run_broker(port: int) -> Generator[None]:
         from iotcore import Broker  # noqa: PLC0415 - an extra
     except ImportError:
         raise ValueError(
-            f"the embedded broker needs iotcore: {install_hint('fleet')}, "
+            f"the embedded broker needs iotcore: {install_hint('vda5050')}, "
             "or use Mosquitto: 'pa-console site init FOLDER'"
         ) from None
     with tempfile.TemporaryDirectory(prefix="pa-console-broker-") as folder:

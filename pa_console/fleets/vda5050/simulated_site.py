@@ -33,6 +33,7 @@ from pa_console.fleets.vda5050.broker import (
     BrokerAddress,
     Credentials,
     IncomingMessage,
+    require_client,
     say_nothing,
 )
 from pa_console.fleets.vda5050.gateway import Gateway, OnBus, Speaker
@@ -80,6 +81,8 @@ class SimulatedSite:
     def __init__(
         self, checkpoint: Checkpoint, address: BrokerAddress, options: SiteOptions
     ) -> None:
+        """Prepare the clients; raises ValueError if the library for them is not installed."""
+        require_client()
         self.checkpoint, self._options = checkpoint, options
         self._world = checkpoint.world
         self._numbers, self._epoch = Numbers(), in_milliseconds(datetime.now(UTC))

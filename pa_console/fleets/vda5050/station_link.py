@@ -28,6 +28,7 @@ from pa_console.fleets.vda5050.broker import (
     Credentials,
     IncomingMessage,
     OutgoingMessage,
+    require_client,
     say_nothing,
 )
 from pa_console.fleets.vda5050.messages import Factsheet
@@ -122,6 +123,8 @@ class StationLink:
         telemetry: Kinds = (),
         telemetry_as: Credentials | None = None,
     ) -> None:
+        """Open the connections; raises ValueError if the library for them is not installed."""
+        require_client()
         self.address = address
         self._waiting: deque[Delivery] = deque()
         self._flooded: Counter[Identity] = Counter()

@@ -19,10 +19,18 @@ from contextlib import aclosing
 from dataclasses import dataclass, field
 from typing import Any, Literal, cast
 
-from pa_console.llm.backend import BackendOptions, Chance, GenerationEnd, Request, ServerError
+from pa_console.llm.backend import (
+    BackendOptions,
+    Chance,
+    GenerationEnd,
+    ModelError,
+    Request,
+    ServerError,
+)
 from pa_console.llm.remote.address import KEY_VARIABLES, ServerAddress, ServerKey
 from pa_console.llm.remote.client import MOST_TOLD, AnswerChunk, ServerClient
 from pa_console.llm.roles.grammar import Schema
+from pa_console.resources import missing_library
 from pa_console.schema.events.event import ServerState
 from pa_console.schema.finding import Usage
 
@@ -334,8 +342,10 @@ def open_server(name: str, options: BackendOptions) -> ServerEngine:
     """Return the engine of the model at the address `name`, `openai:BASE_URL#NAME`.
 
     Raises ModelError for an invalid address, and for an address to which words would be sent in
-    clear text, unless `options` allow it.
+    clear text, unless `options` allow it. Also raises ModelError if the client is not installed.
     """
+    if missing := missing_library("openai", "openai", f"{name} needs"):
+        raise ModelError(missing)
     address = ServerAddress.parse(name)
     address.allow(plain=options.plain)
     key = ServerKey.find(address, KEY_VARIABLES[options.use])

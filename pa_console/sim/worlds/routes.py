@@ -67,20 +67,17 @@ class Area:
     @cached_property
     def _ways(self) -> tuple[Floats, Floats]:
         """The (n, n) lengths of the straight lines between corners, and of the shortest ways."""
-        import networkx as nx  # noqa: PLC0415 - slow to import, and a world is read without it
-
         count = len(self._nodes)
         first, second = np.triu_indices(count, k=1)
         seen = self._sees(self._nodes[first], self._nodes[second])
         lengths = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)
-        graph: nx.Graph[int] = nx.Graph()
-        graph.add_nodes_from(range(count))
-        seen_lists = (part[seen].tolist() for part in (first, second, lengths))
-        graph.add_weighted_edges_from(zip(*seen_lists, strict=True))
         edge: Floats = np.full((count, count), np.inf)
         edge[first[seen], second[seen]] = lengths[seen]
         edge[second[seen], first[seen]] = lengths[seen]
-        least = np.asarray(nx.floyd_warshall_numpy(graph)) if count else np.zeros((0, 0))
+        least = edge.copy()
+        np.fill_diagonal(least, 0.0)
+        for over in range(count):  # Floyd and Warshall: ways over one more corner
+            np.minimum(least, least[:, over, None] + least[None, over], out=least)
         return edge, least
 
     def _corner_path(self, start: Floats, target: Floats) -> Route | None:

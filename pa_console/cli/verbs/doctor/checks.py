@@ -22,7 +22,7 @@ from pa_console.fleets.newcomers import survey
 from pa_console.fleets.vda5050.site_files import CONFIGURATION, unbound
 from pa_console.llm.models.cache import cache_folder
 from pa_console.private_files import exposed, nearest_existing, unwritable
-from pa_console.resources import install_hint
+from pa_console.resources import install_hint, missing_library
 from pa_console.schema.document import DocumentError
 from pa_console.schema.text import count
 from pa_console.session.log.chain import LogError
@@ -216,7 +216,8 @@ def check_broker(folder: Path) -> Check:
 
 def check_schemes() -> Iterator[Check]:
     """Check the kinds of links for `--fleet`; a missing extra is not a problem."""
-    yield Check("link mqtt, mqtts", "ok", "robots on a message bus (VDA 5050)")
+    bus = missing_library("aiomqtt", "vda5050", "robots on a message bus (VDA 5050) need")
+    yield Check("link mqtt, mqtts", "ok", bus or "robots on a message bus (VDA 5050)")
     for scheme, point in link_schemes().items():
         try:
             point.load()
