@@ -214,8 +214,8 @@ def _clear(session: AgentsSession, text: str, meant: ElicitationResult[Meant]) -
     if not answer:
         choices = f"; it may mean {', '.join(unclear.choices)}" if unclear.choices else ""
         raise ValueError(f"not proposed: {unclear.question}{choices}")
-    if unclear.said and unclear.said in text:
-        return text.replace(unclear.said, answer, 1)
+    if unclear.words and unclear.words in text:
+        return text.replace(unclear.words, answer, 1)
     return f"{text} ({answer})"
 
 

@@ -138,7 +138,7 @@ class PlanForDecision:
             sure = [step.confidence for step in self.steps]
             confidences = [chance for chance in sure if chance is not None]
             return prod(confidences) if len(confidences) == len(sure) else None
-        readers = {reader for reading in self.readings for reader in reading.evidence.told}
+        readers = {reader for reading in self.readings for reader in reading.evidence.chances}
         confidences = "second" in readers or readers >= {"planner", "judge"}
         return self.served.chance if confidences and self.served is not None else None
 

@@ -257,7 +257,7 @@ def _apart_m(scene: ReferenceScene, one: str, other: str) -> float:
 def least_s(patrol: Patrol, scene: ReferenceScene) -> float:
     """Return the least time of a patrol: straight ways at full speed, and stays, seconds."""
     world = scene.world
-    kinds = {world.assets[patrol.who].kind} if patrol.who in world.assets else {patrol.kind}
+    kinds = {world.assets[patrol.asset].kind} if patrol.asset in world.assets else {patrol.kind}
     speeds = [p.speed_mps for kind, p in world.platforms.items() if kinds & {kind, None}]
     legs = patrol.places * patrol.laps
     way_m = sum(_apart_m(scene, one, other) for one, other in pairwise(legs))

@@ -134,7 +134,7 @@ class OrderReader:
             right=right(shown.best.asked, plans[shown.best.asked]),
             state=_state(shown),
             confidence=shown.confidence,
-            gaps=shown.best.gaps_told,
+            gaps=shown.best.all_gaps,
             read_apart=shown.read_apart,
         )
 
