@@ -5,14 +5,14 @@ import re
 from collections.abc import AsyncGenerator
 from contextlib import aclosing
 from pathlib import Path
-from typing import Any, cast
 
 from pydantic import ValidationError
 
 from pa_console.llm.backend import Chance, GenerationEnd, Request
-from pa_console.llm.local.engine import Engine, OnState
+from pa_console.llm.local.engine import OnState, SessionEngine
+from pa_console.llm.models.catalogue import LocalModel
 from pa_console.schema.base import StrictModel
-from pa_console.schema.events.event import Role
+from pa_console.schema.events.event import Role, WorkerState
 from pa_console.schema.finding import Usage
 
 _MEASURED = re.compile(r"\b\d+ (m|s|%)(?=\W|$)")
@@ -36,7 +36,12 @@ class MemoEngine:
     """
 
     def __init__(
-        self, engine: Engine, memory: Path | None = None, *, exact: bool = False, reuse: bool = True
+        self,
+        engine: SessionEngine,
+        memory: Path | None = None,
+        *,
+        exact: bool = False,
+        reuse: bool = True,
     ) -> None:
         """Store answers also in the file `memory`, so that an interrupted evaluation can resume.
 
@@ -55,13 +60,42 @@ class MemoEngine:
             )
         self.on_state: OnState | None = None
 
-    def engine(self) -> Engine:
-        """Return this object, typed as an Engine."""
-        return cast(Engine, self)
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._engine.name
 
-    def __getattr__(self, name: str) -> Any:
-        """Return an attribute of the wrapped engine, such as its name."""
-        return getattr(self._engine, name)
+    @property
+    def model(self) -> LocalModel:
+        """The model of the engine."""
+        return self._engine.model
+
+    @property
+    def sampler(self) -> str:
+        """The sampling of the engine."""
+        return self._engine.sampler
+
+    @property
+    def state(self) -> WorkerState:
+        """The state of the engine."""
+        return self._engine.state
+
+    @property
+    def busy(self) -> bool:
+        """True while the model runs."""
+        return self._engine.busy
+
+    async def start(self) -> None:
+        """Start loading the model."""
+        await self._engine.start()
+
+    async def close(self) -> None:
+        """Close the engine."""
+        await self._engine.close()
+
+    def kill_worker(self) -> None:
+        """Kill the model's process."""
+        self._engine.kill_worker()
 
     @property
     def reads_ahead(self) -> bool:

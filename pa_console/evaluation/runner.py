@@ -52,7 +52,7 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
     sim = Checkpoint(job.site.world, job.seed)
     station = open_station(
         job.site,
-        engine.engine(),
+        engine,
         SteppedClock(),
         fleet=SimulatedFleet(sim),
         keep_engine=True,

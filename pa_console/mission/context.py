@@ -13,7 +13,7 @@ from pa_console.language.references.resolution import with_answers
 from pa_console.language.references.scene import Move, PastMission, ReferenceScene, after
 from pa_console.llm.backend import Answerer
 from pa_console.llm.early_answers import EarlyAnswers
-from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.engine import SessionEngine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.clause_reader import ClauseReader
 from pa_console.llm.roles.judge import Judge
@@ -99,7 +99,7 @@ class Services:
     fleet: Fleet
     rulebook: Rulebook
     retriever: Retriever
-    engine: Engine
+    engine: SessionEngine
     planner: Planner
     judge: Judge
     prompt_format: PromptFormat
@@ -128,7 +128,7 @@ class Services:
         cls,
         fleet: Fleet,
         rulebook: Rulebook,
-        engine: Engine,
+        engine: SessionEngine,
         variant: Variant | None = None,
         *,
         prompt_format: PromptFormat | None = None,
@@ -224,7 +224,7 @@ class Services:
 
 
 def _second_reader(
-    engine: Engine, wrap: Callable[[Answerer], Answerer]
+    engine: SessionEngine, wrap: Callable[[Answerer], Answerer]
 ) -> Judge | ClauseReader | None:
     """Return the second reader: a trained judge for the compact format, otherwise a clause reader.
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from pa_console import __version__
 from pa_console.fleets.fleet import Fleet, Simulated
 from pa_console.fleets.simulated import SimulatedFleet
-from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.engine import SessionEngine
 from pa_console.llm.remote.servers import NO_SERVERS, Servers
 from pa_console.llm.roles.grammar import plan_grammar
 from pa_console.mission.context import Services
@@ -122,7 +122,7 @@ def new_session_id() -> str:
 
 def open_station(
     site: Site,
-    engine: Engine,
+    engine: SessionEngine,
     clock: Clock,
     *,
     seed: int = 0,

@@ -23,7 +23,7 @@ from typing import NamedTuple, NoReturn
 from pa_console.language.references.conversation import Unclear
 from pa_console.language.references.resolution import resolve
 from pa_console.llm.backend import EngineError
-from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.engine import SessionEngine
 from pa_console.llm.local.threads import NEARLY, idle_seconds
 from pa_console.llm.roles.clause_reader import ClauseReader, reading_prefix
 from pa_console.mission.context import Services
@@ -172,7 +172,7 @@ class LiveReading:
             self._read_in = self._situation()
             self._draft = asyncio.create_task(self._read(self._text), name="live reading")
 
-    def _has_cores(self, engine: Engine) -> bool:
+    def _has_cores(self, engine: SessionEngine) -> bool:
         """Return whether the models have cores of their own, or one was idle during the pause."""
         if engine.state != "slow":
             return True
@@ -246,7 +246,7 @@ class ReadAhead:
         This happens when a session begins, between missions, and while a plan is carried out.
         """
         self._services, self._unasked = services, unasked
-        self._read: dict[tuple[Engine, Role], tuple[Digest | None, str]] = {}
+        self._read: dict[tuple[SessionEngine, Role], tuple[Digest | None, str]] = {}
         self._typed = ""
         self._rehearsals: dict[int, Rehearsal] = {}
         """The rehearsal of each plan of the mission, by the number of the attempt."""
@@ -326,7 +326,7 @@ class ReadAhead:
                 await self._warm(second, "judge", read)
 
     async def _warm(
-        self, engine: Engine, role: Role, words: str = "", picture: Picture | None = None
+        self, engine: SessionEngine, role: Role, words: str = "", picture: Picture | None = None
     ) -> None:
         """Let `engine` read the beginning of a prompt for `role`, unless it has read it already.
 

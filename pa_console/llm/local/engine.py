@@ -6,6 +6,7 @@ from contextlib import aclosing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
+from typing import Protocol
 
 from pa_console.llm.backend import (
     EngineDiedError,
@@ -45,6 +46,63 @@ GRACE_S = 1.0
 """Seconds for a worker to stop before it is killed."""
 
 OnState = Callable[[WorkerState, str], None]
+
+
+class SessionEngine(Protocol):
+    """The engine of a session's own model, as a station uses it."""
+
+    on_state: OnState | None
+    """A callback for each new state and its reason."""
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        ...
+
+    @property
+    def model(self) -> LocalModel:
+        """The model, with its second reader and its adapters."""
+        ...
+
+    @property
+    def second_reader(self) -> "SessionEngine | None":
+        """The engine of the second reader; None if the model has none."""
+        ...
+
+    @property
+    def sampler(self) -> str:
+        """The sampling of answers, for the session log."""
+        ...
+
+    @property
+    def state(self) -> WorkerState:
+        """The present state."""
+        ...
+
+    @property
+    def busy(self) -> bool:
+        """True while a prompt is being answered."""
+        ...
+
+    async def start(self) -> None:
+        """Start loading the model and return at once."""
+        ...
+
+    async def close(self) -> None:
+        """Stop any generation and end the model's process."""
+        ...
+
+    def kill_worker(self) -> None:
+        """Kill the model's process for fault injection."""
+        ...
+
+    async def warm(self, role: Role, system: str, user: str = "") -> None:
+        """Evaluate the beginning of prompts of `role` ahead."""
+        ...
+
+    def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
+        """Yield the answer to `request` in pieces, then one GenerationEnd; raises EngineError."""
+        ...
 
 
 @dataclass(frozen=True)

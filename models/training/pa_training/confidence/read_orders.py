@@ -16,7 +16,7 @@ from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.fleets.simulated import SimulatedFleet
 from pa_console.language.canonical.clauses import ASKED
 from pa_console.language.canonical.reading import agree
-from pa_console.llm.local.engine import Engine
+from pa_console.llm.local.engine import Engine, SessionEngine
 from pa_console.llm.models.catalogue import find_model
 from pa_console.mission.approval import CheckedPlan, OrderAsRead, request_approval
 from pa_console.mission.context import MissionContext, Services
@@ -90,7 +90,7 @@ class KnownOrder(NamedTuple):
 class OrderReader:
     """Reads orders in their situations with the models of `engine`."""
 
-    def __init__(self, engine: Engine, rulebook: Rulebook) -> None:
+    def __init__(self, engine: SessionEngine, rulebook: Rulebook) -> None:
         self._engine, self.rulebook = engine, rulebook
 
     def services(self, situation: Situation) -> Services:
@@ -219,7 +219,7 @@ def main() -> None:
         engine = Engine(find_model(None, second_reader=""))
         answers = MemoEngine(engine, given.answers, exact=True)
         try:
-            await read_kept_aside(given.out, OrderReader(answers.engine(), rulebook))
+            await read_kept_aside(given.out, OrderReader(answers, rulebook))
         finally:
             await engine.close()
 
