@@ -109,8 +109,8 @@ def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = Tru
     )
     follows = rf"((; |, else: )({clause}|{NOTHING})){{0,{MOST_CLAUSES - 1}}}"
     excluded = rf"{EXCEPT}({assets}|{places})(, ({assets}|{places})){{0,{MOST_EXCLUDED - 1}}}"
-    asked = rf"{ASKED}{_UNDER}{clause}{follows}(; {_NOW})?(; {excluded})?(; {OTHERS_STAY})?"
-    return rf"{asked}(; {_facts_pattern(assets, places, targets)})?" if facts else asked
+    readings = rf"{ASKED}{_UNDER}{clause}{follows}(; {_NOW})?(; {excluded})?(; {OTHERS_STAY})?"
+    return rf"{readings}(; {_facts_pattern(assets, places, targets)})?" if facts else readings
 
 
 def _gates(world: World, frames: Iterable[str]) -> list[str]:
@@ -185,30 +185,30 @@ def asked_now(world: World, digest: Digest, reading: str) -> str:
     return reading
 
 
-def grounded_reason(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
+def grounded_reason(world: World, digest: Digest, words: str, reading: str = "") -> tuple[str, ...]:
     """Return regular expressions (Rust's syntax); a reason has to match all of them.
 
     They allow statements that `digest` supports, and clauses about what exists or about names in
-    the mission's `words`. If `asked` is given, the reason has to begin with it.
+    the mission's `words`. If `reading` is given, the reason has to begin with it.
     """
     plain = _not_beginning(" only ")
     part = f" {_either(_stated(world, digest))}{_END}|{plain}"
-    begins = exactly(asked) if asked else _asked(world, digest, _UNCONDITIONAL)
+    begins = exactly(reading) if reading else _reading_pattern(world, digest, _UNCONDITIONAL)
     stated = f"{begins}([;,]({part})){{0,{MOST_PARTS}}}"
     return stated, asked_pattern(world, digest, words)
 
 
-def grounded_asked(world: World, digest: Digest, words: str, asked: str = "") -> tuple[str, ...]:
+def grounded_asked(world: World, digest: Digest, words: str, reading: str = "") -> tuple[str, ...]:
     """Return regular expressions for a judge's reading, in words like those of orders.
 
     It must not have facts of the picture, which have colons, brackets and rule ids.
     """
-    if asked:
-        return (exactly(asked),)
-    return _asked(world, digest, _ORDER), asked_pattern(world, digest, words, facts=False)
+    if reading:
+        return (exactly(reading),)
+    return _reading_pattern(world, digest, _ORDER), asked_pattern(world, digest, words, facts=False)
 
 
-def _asked(world: World, digest: Digest, unconditional: str) -> str:
+def _reading_pattern(world: World, digest: Digest, unconditional: str) -> str:
     """Return the expression for a reading; `digest` decides its conditions."""
     under = (
         f"{escape(in_words(condition))}: {WORD}+, else: {WORD}+; "
@@ -255,8 +255,8 @@ def _not_beginning(start: str) -> str:
 
 def _some_of(names: Iterable[str]) -> str:
     """Return the expression for one of `names` or a number of them, with a bar after it."""
-    known = tuple(names)
-    if not known:
+    choices = tuple(names)
+    if not choices:
         return ""
-    counts = (f"{number} assets" for number in range(2, len(known) + 1))
-    return f"(only )?{_either((*known, *counts))}|"
+    counts = (f"{number} assets" for number in range(2, len(choices) + 1))
+    return f"(only )?{_either((*choices, *counts))}|"

@@ -99,8 +99,8 @@ def _time_of_day(  # noqa: PLR0911 - one for each way to say it
         return 0, 0, 0, True, False
     if radio := _radio_clock(reader, led=led):
         return radio
-    if spoken := _spoken_clock(reader):
-        return spoken
+    if clock := _spoken_clock(reader):
+        return clock
     word = reader.word()
     if whole := re.fullmatch(r"(\d\d?)h(\d\d)?", word):
         reader.at += 1

@@ -252,7 +252,7 @@ class _OrderResult:
             case "place":
                 return mention.means in self._names or mention.means in self._stood
             case "asset":
-                return mention.means in self._names or self._meant(mention.means)
+                return mention.means in self._names or self._stands_for(mention.means)
             case "track":
                 gate = self._picture.tracks[mention.means].gate
                 return mention.means in self._names or gate in self._names
@@ -265,7 +265,7 @@ class _OrderResult:
             case "verb":
                 return self._has_task(mention.tasks)
 
-    def _meant(self, name: str) -> bool:
+    def _stands_for(self, name: str) -> bool:
         """Return whether `name` is one of all assets meant, or one that is replaced."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
         if not self.asks and place in self._names:
@@ -365,10 +365,10 @@ class _OrderWords:
         return (
             (bool(tracks) and _SOMEBODY.search(self._text) is not None)
             or (bare and _BARE.search(self._text) is not None)
-            or any(self._told(name) or name in self._names for name in there)
+            or any(self._has_fault(name) or name in self._names for name in there)
         )
 
-    def _told(self, name: str) -> bool:
+    def _has_fault(self, name: str) -> bool:
         """Return whether the words describe `name` by its fault."""
         asset = self._picture.assets.get(name)
         if asset is None:
@@ -383,7 +383,7 @@ class _OrderWords:
         """
         digits = re.findall(r"\d+", name)
         numbered = bool(digits) and str(int(digits[-1])) in self._numbers
-        return name in self._names or numbered or self._told(name) or self._is_the_only(name)
+        return name in self._names or numbered or self._has_fault(name) or self._is_the_only(name)
 
     def _is_the_only(self, name: str) -> bool:
         """Return whether `name` is the only one of its kind, or the only free one of it.

@@ -342,18 +342,18 @@ def _action() -> re.Pattern[str]:
 
 def _waits(words: str) -> Iterator[_Sign]:
     """Yield the conditions of a sentence that neither the picture nor the clock can decide."""
-    for found in _pattern("conditions").finditer(words):
-        before = words[: found.start()].split()
-        if _pattern("no_condition").match(words, found.start()):
+    for match in _pattern("conditions").finditer(words):
+        before = words[: match.start()].split()
+        if _pattern("no_condition").match(words, match.start()):
             continue
         if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
             continue
-        if names_time(words[: found.start()]):  # it goes by the clock, and this says why
+        if names_time(words[: match.start()]):  # it goes by the clock, and this says why
             continue
-        content = _STOP.split(words[found.end() :])[0].split()
-        seen = found[0] == "after" or _set("observable").intersection(content)
+        content = _STOP.split(words[match.end() :])[0].split()
+        seen = match[0] == "after" or _set("observable").intersection(content)
         if content and (_set("unseen").intersection(content) or not seen):
-            yield _Sign("waiting", *found.span())
+            yield _Sign("waiting", *match.span())
 
 
 def _directs(part: str, *, bare: bool, benign: bool = False) -> bool:

@@ -176,9 +176,9 @@ def _serves(moves: PlanMoves, shown: Candidate, reading_text: str, text: str) ->
     )
 
 
-async def foreseen(context: MissionContext, answered: PlannerAnswer, asked: str) -> Plan:
+async def foreseen(context: MissionContext, answered: PlannerAnswer, reading: str) -> Plan:
     """Return the plan that the console would make for a reading; it may have no actions."""
-    ways = await commands_for(context, answered.retrieved, asked, 1)
+    ways = await commands_for(context, answered.retrieved, reading, 1)
     if not ways:
-        return Plan(reason=asked, actions=())
-    return served_plan(asked, ways[0], answered.question.digest)
+        return Plan(reason=reading, actions=())
+    return served_plan(reading, ways[0], answered.question.digest)

@@ -120,7 +120,7 @@ def _form(words: str, plain: str) -> ConditionForm:
     return ConditionForm(WordForm(words), WordForm(plain))
 
 
-def _known(fact: Fact) -> ConditionForm:
+def _identity_form(fact: Fact) -> ConditionForm:
     """Return the form of a condition about the known identity of a contact."""
     return _form(
         f"({{track}}|track) at {{subject}} {fact}",
@@ -131,9 +131,9 @@ def _known(fact: Fact) -> ConditionForm:
 CONDITIONS: Mapping[Fact, ConditionForm] = {
     "track_at": _form("({track}|track) at {subject}", "(a {track}|something) is at {subject}"),
     "no_track_at": _form("no ({track}|track) at {subject}", "(no {track}|nothing) is at {subject}"),
-    "authorized": _known("authorized"),
-    "unauthorized": _known("unauthorized"),
-    "hostile": _known("hostile"),
+    "authorized": _identity_form("authorized"),
+    "unauthorized": _identity_form("unauthorized"),
+    "hostile": _identity_form("hostile"),
     "uncovered": _form("{subject} uncovered", "{subject} has no guard"),
     "covered": _form("{subject} covered", "{subject} has a guard"),
     "low": _form("{subject} low", "{subject} is low on battery"),

@@ -197,7 +197,7 @@ def _ask(words: str) -> Ask:
     clause, slots = form
     return Ask(
         task=clause.task,
-        who=_who(clause, slots),
+        who=_team_of(clause, slots),
         place=slots.get("place", ""),
         leaving=slots.get("leaving", ""),
         track=_TRACKS.get(slots.get("thing", ""), ""),
@@ -217,7 +217,7 @@ def _aggravated(words: str) -> Wrong | None:
     return None
 
 
-def _who(clause: Clause, slots: Mapping[str, str]) -> Who:
+def _team_of(clause: Clause, slots: Mapping[str, str]) -> Who:
     if clause.task == "swap":
         return Who(names=(slots["first"], slots["second"]))
     if clause.task == "mass":

@@ -250,15 +250,11 @@ def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...
     return tuple(order * patrol.laps)
 
 
-def _apart_m(scene: ReferenceScene, one: str, other: str) -> float:
-    return math.dist(scene.spot(one), scene.spot(other))
-
-
 def least_s(patrol: Patrol, scene: ReferenceScene) -> float:
     """Return the least time of a patrol: straight ways at full speed, and stays, seconds."""
     world = scene.world
     kinds = {world.assets[patrol.asset].kind} if patrol.asset in world.assets else {patrol.kind}
     speeds = [p.speed_mps for kind, p in world.platforms.items() if kinds & {kind, None}]
     legs = patrol.places * patrol.laps
-    way_m = sum(_apart_m(scene, one, other) for one, other in pairwise(legs))
+    way_m = sum(scene.distance_m(start, end) for start, end in pairwise(legs))
     return way_m / max(speeds) + patrol.stay_s * (len(legs) - 1)

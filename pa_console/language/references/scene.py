@@ -161,8 +161,8 @@ class ReferenceScene:
 
     def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return `names`, each once, in the order of the world."""
-        wanted = set(names)
-        return tuple(n for n in (*self.world.frames, *self.world.assets) if n in wanted)
+        chosen = set(names)
+        return tuple(n for n in (*self.world.frames, *self.world.assets) if n in chosen)
 
     @staticmethod
     def _is_at(asset: AssetTelemetry, place: str) -> bool:
