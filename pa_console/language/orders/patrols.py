@@ -242,9 +242,7 @@ def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...
     if patrol.any_order:
         order, left, here = [], list(patrol.places), agent
         while left:
-            here = min(
-                left, key=lambda place, here=here: math.dist(scene.spot(here), scene.spot(place))
-            )
+            here = min(left, key=lambda place, here=here: scene.distance_m(here, place))
             left.remove(here)
             order.append(here)
     return tuple(order * patrol.laps)
