@@ -7,7 +7,7 @@ only if they can mean just one thing; the rest is left to the model. All names c
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -338,7 +338,8 @@ class _Linker:
         """Yield the replacements, from left to right."""
         at = 0
         while at < len(self._tokens):
-            links = [*self._alias(at)] or [*self._gates(at)] or [*self._place(at)]
+            links = [*self._longest(at, self._names.called)] or [*self._gates(at)]
+            links = links or [*self._longest(at, self._names.place)]
             links = links or [*self._assets(at)] or [*self._kind(at)]
             if links and all(map(self._whole, links)):
                 yield from links
@@ -375,20 +376,11 @@ class _Linker:
         if len(gates) > 1 and self._word(at) in (GATE, f"{GATE}s"):
             yield from (*gates[:-1], gates[-1]._replace(end=at + 1))
 
-    def _alias(self, at: int) -> Iterator[_Link]:
-        """Yield the name whose alias begins at token `at`, the longest alias first."""
+    def _longest(self, at: int, find: Callable[[Sequence[str]], str | None]) -> Iterator[_Link]:
+        """Yield the name that `find` returns for the most words from token `at` on."""
         for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
             words = [token.word for token in self._tokens[at:end]]
-            name = self._names.called(words) if self._together(at, end) else None
-            if name is not None:
-                yield _Link(at, end, name)
-                return
-
-    def _place(self, at: int) -> Iterator[_Link]:
-        """Yield the place whose name begins at token `at`, the longest name first."""
-        for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
-            words = [token.word for token in self._tokens[at:end]]
-            name = self._names.place(words) if self._together(at, end) else None
+            name = find(words) if self._together(at, end) else None
             if name is not None:
                 yield _Link(at, end, name)
                 return

@@ -118,8 +118,8 @@ class _EarlyAnswer:
         self._grown = asyncio.Event()
 
 
-class _Ahead:
-    """A model for a draft."""
+class _WithAnswers:
+    """A model with the answers that are kept for one session."""
 
     def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
         self._model, self._answers = model, answers
@@ -128,6 +128,10 @@ class _Ahead:
     def name(self) -> str:
         """The model's name."""
         return self._model.name
+
+
+class _Ahead(_WithAnswers):
+    """A model for a draft."""
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Yield the answer; the model continues to write it if the caller is cancelled."""
@@ -139,16 +143,8 @@ class _Ahead:
         yield GenerationEnd("", Usage(), "cancelled")
 
 
-class _Due:
+class _Due(_WithAnswers):
     """A model for a mission."""
-
-    def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
-        self._model, self._answers = model, answers
-
-    @property
-    def name(self) -> str:
-        """The model's name."""
-        return self._model.name
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Yield the kept answer, with the seconds spent on it so far; otherwise ask the model."""

@@ -147,12 +147,17 @@ CONDITIONS: Mapping[Fact, ConditionForm] = {
 
 def in_words(condition: Condition) -> str:
     """Return the condition in the words that follow *if* in a reason."""
+    return CONDITIONS[condition.fact].words.write(condition_slots(condition, PLAIN_KINDS))
+
+
+def condition_slots(condition: Condition, kinds: Mapping[AssetKind, str]) -> dict[str, str]:
+    """Return the slots of the form of `condition`; `kinds` has the words for kinds of assets."""
     slots = {"subject": condition.subject}
     if condition.track:
         slots["track"] = condition.track
     if condition.kind is not None:
-        slots["kind"] = PLAIN_KINDS[condition.kind]
-    return CONDITIONS[condition.fact].words.write(slots)
+        slots["kind"] = kinds[condition.kind]
+    return slots
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ Such an order depends on the picture. It is rewritten as an order under a condit
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pa_console.language.canonical.order import CONDITIONS, Condition, Fact
+from pa_console.language.canonical.order import CONDITIONS, Condition, Fact, condition_slots
 from pa_console.language.lexicon import word_lists
 from pa_console.language.references.reader import (
     CONTACTS,
@@ -65,7 +65,8 @@ def conditional_order(scene: ReferenceScene, text: str) -> str:
         return ""
     condition = question.condition.model_copy(update={"fact": fact})
     order = _order(scene, rest, tokens[reader.at :], question)
-    return f"If {_plain(condition)}, {order}"
+    plain = CONDITIONS[condition.fact].plain.write(condition_slots(condition, _PLAIN_KIND))
+    return f"If {plain}, {order}"
 
 
 def _question(scene: ReferenceScene, tokens: Sequence[WordToken]) -> AskedCondition | None:
@@ -128,15 +129,6 @@ def _of_asset(scene: ReferenceScene, reader: Reader) -> AskedCondition | None:
     if reader.take(*_WORKING):
         return AskedCondition(Condition(fact="up", subject=name), name)
     return None
-
-
-def _plain(condition: Condition) -> str:
-    slots = {"subject": condition.subject}
-    if condition.track:
-        slots["track"] = condition.track
-    if condition.kind is not None:
-        slots["kind"] = _PLAIN_KIND[condition.kind]
-    return CONDITIONS[condition.fact].plain.write(slots)
 
 
 def _order(
