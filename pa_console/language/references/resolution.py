@@ -209,31 +209,27 @@ def _described(
     text = linked.text
     tokens = read_tokens(text)
     groups = SentenceGroups(scene, tokens)
-    descriptions: list[Description] = []
+    phrases: list[Description] = []
     references: list[ResolvedReference] = []
     quoted = [span.span() for span in _QUOTED.finditer(text)]
     for match in find_descriptions(scene, tokens, text, groups):
-        description = replace(match, words=linked.original_words(match.start, match.end))
-        descriptions.append(description)
-        if any(start <= description.start < end for start, end in quoted):
+        phrase = replace(match, words=linked.original_words(match.start, match.end))
+        phrases.append(phrase)
+        if any(start <= phrase.start < end for start, end in quoted):
             continue
-        if _follows(tokens, description) in _STAYING and description.number != 1:
+        if _follows(tokens, phrase) in _STAYING and phrase.number != 1:
             continue
-        if (
-            description.ranking is not None
-            and description.ranking.distance
-            and not description.ranking.place
-        ):
-            place = _place_beside(scene, tokens, description)
+        if phrase.ranking is not None and phrase.ranking.distance and not phrase.ranking.place:
+            place = _place_beside(scene, tokens, phrase)
             if not place:
                 continue
-            description = replace(description, ranking=replace(description.ranking, place=place))
-        names = _meant_by(scene, tokens, description, state)
+            phrase = replace(phrase, ranking=replace(phrase.ranking, place=place))
+        names = _meant_by(scene, tokens, phrase, state)
         if isinstance(names, Unclear):
             return names
         if names:
-            groups.mention(description, names)
-            references += _written(scene, tokens, description, names)
+            groups.mention(phrase, names)
+            references += _written(scene, tokens, phrase, names)
     references += [
         ResolvedReference(group.start, group.end, "", "", " ")
         for group in groups.opened
@@ -242,18 +238,16 @@ def _described(
     if not references:
         return text, []
     return (
-        _there_named(scene, substituted(text, references), references, descriptions),
+        _there_named(scene, substituted(text, references), references, phrases),
         [(reference.words, reference.means) for reference in references if reference.words],
     )
 
 
-def _follows(tokens: Sequence[WordToken], description: Description) -> str:
-    return next((token.word for token in tokens if token.start >= description.end), "")
+def _follows(tokens: Sequence[WordToken], phrase: Description) -> str:
+    return next((token.word for token in tokens if token.start >= phrase.end), "")
 
 
-def _place_beside(
-    scene: ReferenceScene, tokens: Sequence[WordToken], description: Description
-) -> str:
+def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description) -> str:
     """Return the place that goes with a superlative: *whoever is nearest goes to X*.
 
     It is the first place after the superlative, or else the last before it; '' if there is none.
@@ -263,59 +257,48 @@ def _place_beside(
     while at < len(tokens):
         reader = Reader(tokens, at)
         place = place_at(scene, reader)
-        if place and tokens[at].start >= description.end:
+        if place and tokens[at].start >= phrase.end:
             after = after or place
-        elif place and tokens[at].start < description.start:
+        elif place and tokens[at].start < phrase.start:
             before = place
         at = max(at + 1, reader.at)
     return after or before
 
 
 def _meant_by(
-    scene: ReferenceScene,
-    tokens: Sequence[WordToken],
-    description: Description,
-    state: State | None,
+    scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description, state: State | None
 ) -> tuple[str, ...] | Unclear:
     """Return the names that a description means; none if the planner may choose."""
-    asset, group = description.sort == "asset", description.group
+    asset, group = phrase.sort == "asset", phrase.group
     if group is not None and not group.clear:
-        return _unclear(scene, description, group.members)
-    ranked = description.ranking is not None and (group is None or not group.mentioned)
-    if asset and ranked and description.ranking is not None and description.ranking.distance:
-        description = replace(
-            description, traits=(*description.traits, _can_come(description.ranking.place))
-        )
-    names = fitting(scene, description)
+        return _unclear(scene, phrase, group.members)
+    ranked = phrase.ranking is not None and (group is None or not group.mentioned)
+    if asset and ranked and phrase.ranking is not None and phrase.ranking.distance:
+        phrase = replace(phrase, traits=(*phrase.traits, _can_come(phrase.ranking.place)))
+    names = fitting(scene, phrase)
     if asset:
         names = _likelier(scene, names, state)
-    if apposed := _apposed(scene, tokens, description, names):
+    if apposed := _apposed(scene, tokens, phrase, names):
         return (apposed,)
-    if description.number == 0 or description.number == len(names):
-        return names if names else _unclear(scene, description, names)
+    if phrase.number == 0 or phrase.number == len(names):
+        return names if names else _unclear(scene, phrase, names)
     if names and (
-        description.any_will_do
-        or (description.ranking is not None and description.number == 1 and asset)
+        phrase.any_will_do or (phrase.ranking is not None and phrase.number == 1 and asset)
     ):
         return (
-            names[:1]
-            if description.any_will_do or len(names) == 1
-            else _unclear(scene, description, names)
+            names[:1] if phrase.any_will_do or len(names) == 1 else _unclear(scene, phrase, names)
         )
-    return _unclear(scene, description, names)
+    return _unclear(scene, phrase, names)
 
 
 def _apposed(
-    scene: ReferenceScene,
-    tokens: Sequence[WordToken],
-    description: Description,
-    names: Sequence[str],
+    scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description, names: Sequence[str]
 ) -> str:
     """Return the name in apposition, as in *the other one, Robot_T02*; '' if there is none."""
-    reader = Reader([token for token in tokens if token.start >= description.end])
+    reader = Reader([token for token in tokens if token.start >= phrase.end])
     reader.take("i mean", "i meant", "that is", "namely")
     name = asset_at(scene, reader) if reader.take(",", ":", "(", "-") else ""
-    return name if name in names and description.number == 1 else ""
+    return name if name in names and phrase.number == 1 else ""
 
 
 def _can_come(place: str) -> Trait:
@@ -339,26 +322,23 @@ def _likelier(
     return fitting_names or names
 
 
-def _unclear(scene: ReferenceScene, description: Description, names: Sequence[str]) -> Unclear:
-    noun = "gate" if description.sort == "gate" else "asset"
+def _unclear(scene: ReferenceScene, phrase: Description, names: Sequence[str]) -> Unclear:
+    noun = "gate" if phrase.sort == "gate" else "asset"
     if not names:
-        every = scene.gates if description.sort == "gate" else ()
-        every = description.group.members if description.group is not None else every
+        every = scene.gates if phrase.sort == "gate" else ()
+        every = phrase.group.members if phrase.group is not None else every
         choices = tuple(every) if len(every) <= MOST_CHOICES else ()
-        question = f"No {noun} fits “{description.words}”. Which {noun} is meant?"
-        return Unclear(description.words, question, choices, describes=noun == "asset")
+        question = f"No {noun} fits “{phrase.words}”. Which {noun} is meant?"
+        return Unclear(phrase.words, question, choices, describes=noun == "asset")
     many = f"{len(names)} {noun}s fit" if len(names) > 1 else f"Only {names[0]} fits"
     choices = tuple(names) if len(names) <= MOST_CHOICES else ()
-    request = "Which one is meant?" if description.number == 1 else "Who is meant?"
-    question = f"{many} “{description.words}”. {request}"
-    return Unclear(description.words, question, choices, describes=noun == "asset")
+    request = "Which one is meant?" if phrase.number == 1 else "Who is meant?"
+    question = f"{many} “{phrase.words}”. {request}"
+    return Unclear(phrase.words, question, choices, describes=noun == "asset")
 
 
 def _written(
-    scene: ReferenceScene,
-    tokens: Sequence[WordToken],
-    description: Description,
-    names: tuple[str, ...],
+    scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description, names: tuple[str, ...]
 ) -> list[ResolvedReference]:
     """Return the replacements for a description: its names, with a destination if it holds one.
 
@@ -366,33 +346,27 @@ def _written(
     of a failed asset is kept, because the prompt does not give it. With *whichever is nearer*, the
     name also replaces the alternatives before it.
     """
-    if description.selects and description.group is not None:
-        first = max(n for n, token in enumerate(tokens) if token.start < description.start)
-        after = next((token for token in tokens if token.start >= description.end), None)
+    if phrase.selects and phrase.group is not None:
+        first = max(n for n, token in enumerate(tokens) if token.start < phrase.start)
+        after = next((token for token in tokens if token.start >= phrase.end), None)
         enclosed = after is not None and after.word in (",", "-", "–", ")")
-        end = after.end if after is not None and enclosed else description.end
+        end = after.end if after is not None and enclosed else phrase.end
         return [
-            ResolvedReference(
-                description.group.start, description.group.end, description.words, listed(names)
-            ),
+            ResolvedReference(phrase.group.start, phrase.group.end, phrase.words, listed(names)),
             ResolvedReference(tokens[first].start, end, "", "", " " if enclosed else ""),
         ]
     means, becomes = listed(names), ""
-    ranked = (
-        description.ranking is not None and description.ranking.distance and bool(description.place)
-    )
-    if ranked and description.sort == "asset" and not _place_beside(scene, tokens, description):
-        words = {t.word for t in tokens if not description.start <= t.start < description.end}
+    ranked = phrase.ranking is not None and phrase.ranking.distance and bool(phrase.place)
+    if ranked and phrase.sort == "asset" and not _place_beside(scene, tokens, phrase):
+        words = {t.word for t in tokens if not phrase.start <= t.start < phrase.end}
         if not words & (_NO_MOVE | _THERE):
-            becomes = f"{means} to {description.place}"
-    before = next((t.word for t in reversed(tokens) if t.end <= description.start), "")
+            becomes = f"{means} to {phrase.place}"
+    before = next((t.word for t in reversed(tokens) if t.end <= phrase.start), "")
     beside = before in ("with", "beside")
-    down = len(names) == 1 and description.sort == "asset" and not scene.asset(names[0]).available
-    if (beside or down) and description.sort == "asset" and description.place:
-        becomes = f"{means} at {description.place}"
-    return [
-        ResolvedReference(description.start, description.end, description.words, means, becomes)
-    ]
+    down = len(names) == 1 and phrase.sort == "asset" and not scene.asset(names[0]).available
+    if (beside or down) and phrase.sort == "asset" and phrase.place:
+        becomes = f"{means} at {phrase.place}"
+    return [ResolvedReference(phrase.start, phrase.end, phrase.words, means, becomes)]
 
 
 def _there_named(
