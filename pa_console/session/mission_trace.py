@@ -142,7 +142,7 @@ class VerifiedPlan:
 
 @dataclass
 class MissionTrace:
-    """The state of one mission; `stage` is its present stage.
+    """The state of one mission, at its present `stage`.
 
     `rules` is the content hash of the rule set that the mission uses.
     """
