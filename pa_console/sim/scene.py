@@ -219,9 +219,9 @@ class AssetState:
     counts how often the leg got stuck. `heard_tick` is when a message from the station last
     arrived; while it is `cut_off`, `owes` has the replies about the end of its command. While it is
     `manual`, a person drives it; while it is `plugged_in`, its battery stays full. `place` is the
-    frame of the position `placed_at`; the battery is that of `settled_tick`. `said` is its last
-    report, or None if more than the battery may have changed since; it follows from the other
-    fields, so the hash leaves it out.
+    frame of the position `placed_at`; the battery is that of `settled_tick`. `last_telemetry` is
+    its last report, or None if more than the battery may have changed since; it follows from the
+    other fields, so the hash leaves it out.
     """
 
     id: str
