@@ -29,7 +29,7 @@ def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
 
 
 def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply an event of step 1."""
+    """Apply an event of understanding an order."""
     match data:
         case ev.QuestionAsked():
             trace.questions.append(data)
@@ -48,7 +48,7 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
-    """Begin an answer of step 4, possibly in place of an interrupted one."""
+    """Begin an answer of the planner or judge, possibly in place of an interrupted one."""
     if data.role == "planner":
         attempt, trace.stage = trace.attempt(data.attempt), "plan"
         attempt.system, attempt.user, attempt.text = data.system, data.user, ""
@@ -60,7 +60,7 @@ def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
 
 
 def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply an event of steps 2 to 6."""
+    """Apply an event of the steps from retrieval to the judge's verdict."""
     match data:
         case ev.MissionStarted(rules_content_sha256=rules):
             trace.stage, trace.preempted, trace.rules = "retrieve", "", rules
@@ -141,7 +141,7 @@ def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply an event of steps 7 and 8."""
+    """Apply an event of the steps from execution to the report."""
     match data:
         case ev.CommandSent(command=command):
             trace.stage = "execute"

@@ -22,7 +22,7 @@ from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidenc
 
 @dataclass
 class Attempt:
-    """One pass through steps 5 and 6: prompt, answer, findings, rehearsal and verdict.
+    """One plan with its prompt, answer, findings, rehearsal and verdict.
 
     `round` is the number of plans that the mission had before, `phase` is the phase of its workflow
     or '', and `digest` is the picture that the plan was made from.
@@ -142,7 +142,7 @@ class VerifiedPlan:
 
 @dataclass
 class MissionTrace:
-    """The state of one mission; `stage` is its present step, in the paper's order.
+    """The state of one mission, at its present `stage`.
 
     `rules` is the content hash of the rule set that the mission uses.
     """

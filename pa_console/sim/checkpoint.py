@@ -104,7 +104,7 @@ class Checkpoint:
             physics.move(terrain, scene, ground, velocities, dt_s)
         contacts.advance(terrain, scene, dt_s)
         for asset in busy:
-            asset.said = None
+            asset.last_telemetry = None
             settle_battery(self.world, scene, asset)
             for reply in devices.work(terrain, scene, asset):
                 radio.send_reply(scene, reply, dt_s)

@@ -219,9 +219,9 @@ class AssetState:
     counts how often the leg got stuck. `heard_tick` is when a message from the station last
     arrived; while it is `cut_off`, `owes` has the replies about the end of its command. While it is
     `manual`, a person drives it; while it is `plugged_in`, its battery stays full. `place` is the
-    frame of the position `placed_at`; the battery is that of `settled_tick`. `said` is its last
-    report, or None if more than the battery may have changed since; it follows from the other
-    fields, so the hash leaves it out.
+    frame of the position `placed_at`; the battery is that of `settled_tick`. `last_telemetry` is
+    its last report, or None if more than the battery may have changed since; it follows from the
+    other fields, so the hash leaves it out.
     """
 
     id: str
@@ -260,7 +260,7 @@ class AssetState:
     announced: bool = False
     progress_tick: int = 0
     answered: tuple[CommandReply, ...] = ()
-    said: AssetTelemetry | None = field(default=None, repr=False, compare=False)
+    last_telemetry: AssetTelemetry | None = field(default=None, repr=False, compare=False)
 
     @property
     def position(self) -> Point:
@@ -352,7 +352,7 @@ def rouse(world: World, scene: Scene, asset: AssetState) -> None:
     """Add `asset` to the assets that every step processes, until it is idle again."""
     settle_battery(world, scene, asset)
     scene.active.add(asset.id)
-    asset.said = None
+    asset.last_telemetry = None
 
 
 def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
@@ -369,7 +369,7 @@ def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
     if asset.task == "charging":
         asset.battery = min(100.0, before + platform.charge_pct_per_min * minutes)
         if asset.battery >= 100.0:
-            asset.task, asset.said, asset.plugged_in = "idle", None, True
+            asset.task, asset.last_telemetry, asset.plugged_in = "idle", None, True
         return
     moving = asset.speed > 0.0
     asset.plugged_in = asset.plugged_in and not moving
@@ -380,5 +380,5 @@ def settle_battery(world: World, scene: Scene, asset: AssetState) -> None:
     if after > 0.0:
         asset.battery = after
         return
-    asset.battery, asset.said = 0.0, None
+    asset.battery, asset.last_telemetry = 0.0, None
     scene.active.add(asset.id)

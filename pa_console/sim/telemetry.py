@@ -57,7 +57,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
     For an idle asset, only the battery and the time are new.
     """
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
-    last = asset.said
+    last = asset.last_telemetry
     if last is not None and last.low_battery == low and asset.drift is None:
         return SelfReport(last, round(asset.battery, 3), stamp_s)
     at, position = where(terrain, asset), asset.position
@@ -66,7 +66,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
         at = terrain.frame_at(*position)
     status: AssetStatus = "degraded" if low or asset.speed_factor < 1.0 else "ok"
     down = asset.down
-    asset.said = AssetTelemetry.of_valid(
+    asset.last_telemetry = AssetTelemetry.of_valid(
         {
             "id": asset.id,
             "kind": asset.kind,
@@ -90,7 +90,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
             "battery_known": True,
         }
     )
-    return SelfReport.of(asset.said)
+    return SelfReport.of(asset.last_telemetry)
 
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:

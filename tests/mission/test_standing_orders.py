@@ -25,8 +25,8 @@ from pa_console.station.station import ControlStation
 from pa_console.views.event_words import event_in_words
 from tests.rig import Rig
 from tests.scripted import ScriptedEngine, plan, sure_engine
+from tests.station.earlier.test_resumed_session import SEND, killed, open_again
 from tests.station.test_authorized_session import authority_of
-from tests.station.test_resumed_session import SEND, killed, open_again
 
 ORDER = "Whenever a drone is below 20 %, relieve it."
 ASKED = "asked: relieve Drone_T01 at WestGate"

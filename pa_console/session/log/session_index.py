@@ -205,11 +205,11 @@ class IndexReport:
         return (*self.sessions, *self.copies)
 
 
-def check_index(folder: Path, known: Collection[str]) -> IndexReport:
+def check_index(folder: Path, accepted: Collection[str]) -> IndexReport:
     """Check the index of `folder`, and the first and the last record of every log in it.
 
-    Lines count only if they are signed by keys whose fingerprints are `known`. Raises LogError if a
-    file cannot be read.
+    Lines count only if they are signed by keys whose fingerprints are `accepted`. Raises LogError
+    if a file cannot be read.
     """
     path = index_path(folder)
     try:
@@ -220,7 +220,7 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
     except OSError as error:
         raise os_error(path, "read the index of sessions", error) from error
     entries: list[IndexLine] = []
-    problems = list(_chain(path.name, content, known, entries))
+    problems = list(_chain(path.name, content, accepted, entries))
     if anchor and anchor not in content.splitlines(keepends=True):
         problems.append(f"{path.name}: its last line that this machine wrote is gone")
     sessions, copies = _sessions(folder, entries), _copies(folder, entries)
@@ -228,7 +228,7 @@ def check_index(folder: Path, known: Collection[str]) -> IndexReport:
 
 
 def _chain(
-    name: str, content: bytes, known: Collection[str], entries: list[IndexLine]
+    name: str, content: bytes, accepted: Collection[str], entries: list[IndexLine]
 ) -> Iterator[str]:
     """Check the lines to the end; add the valid ones to `entries` and yield the problems."""
     seq, prev, sound = 0, GENESIS, True
@@ -244,7 +244,7 @@ def _chain(
         elif sound and entry.prev != prev:
             yield f"{name}:{number}: the line before it was replaced"
         seq, prev, sound = entry.seq, line_hash(line), True
-        if (key := fingerprint(entry.key)) in known:
+        if (key := fingerprint(entry.key)) in accepted:
             entries.append(entry)
         else:
             yield f"{name}:{number}: signed by an unknown key, {key}"

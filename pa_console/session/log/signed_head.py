@@ -296,13 +296,15 @@ class WitnessResult:
         return not self.problem
 
 
-def check_witness(log: Path, session: str, witness: Path, known: Collection[str]) -> WitnessResult:
+def check_witness(
+    log: Path, session: str, witness: Path, accepted: Collection[str]
+) -> WitnessResult:
     """Compare `log`, of `session`, with the file `witness`.
 
-    Heads count only if they are signed by keys whose fingerprints are `known`, because any key can
-    sign them. Raises LogError if a file cannot be read.
+    Heads count only if they are signed by keys whose fingerprints are `accepted`, because any key
+    can sign them. Raises LogError if a file cannot be read.
     """
-    heads = _heads(witness, session, known)
+    heads = _heads(witness, session, accepted)
     if not heads:
         problem = f"the witness has no head of session “{session}” that a known key has signed"
         return WitnessResult(0, problem=problem)
@@ -324,7 +326,7 @@ def check_witness(log: Path, session: str, witness: Path, known: Collection[str]
     return WitnessResult(len(heads), good)
 
 
-def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[int, SignedHead]]:
+def _heads(witness: Path, session: str, accepted: Collection[str]) -> list[tuple[int, SignedHead]]:
     """Return the valid heads of `session`, each with its line number."""
     heads: list[tuple[int, SignedHead]] = []
     try:
@@ -334,7 +336,7 @@ def _heads(witness: Path, session: str, known: Collection[str]) -> list[tuple[in
                     head = SignedHead.parse(line)
                 except ValueError:
                     continue
-                if head.session == session and fingerprint(head.key) in known:
+                if head.session == session and fingerprint(head.key) in accepted:
                     heads.append((number, head))
     except OSError as error:
         raise os_error(witness, "read the witness", error) from error

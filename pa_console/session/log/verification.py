@@ -261,18 +261,18 @@ class VerifyResult:
         return self.ok and self.standing == "signed"
 
 
-def verify(path: Path, known: Collection[str] | None = None) -> VerifyResult:
+def verify(path: Path, accepted: Collection[str] | None = None) -> VerifyResult:
     """Check every record, the chain, the signatures, the head and the pictures of a log.
 
-    `known` are the fingerprints of accepted keys, by default those of this machine. Raises LogError
-    if a file cannot be read, SigningError if this machine's keys cannot be read.
+    `accepted` are the fingerprints of accepted keys, by default this machine's. Raises LogError if
+    a file cannot be read, SigningError if this machine's keys cannot be read.
     """
     try:
         head, head_problem = read_head(path), ""
     except ValueError as error:
         head, head_problem = None, str(error)
     chain = _Chain(path, head)
-    damage = chain.read() or chain.key_damage(known)
+    damage = chain.read() or chain.key_damage(accepted)
     if damage is None and head_problem:
         damage = Damage("head-damaged", None, head_problem)
     damage = damage or chain.head_damage() or chain.picture_damage()
@@ -359,14 +359,14 @@ class _Chain:
             self._hash_at_head = record.hash
         return None
 
-    def key_damage(self, known: Collection[str] | None) -> Damage | None:
-        """Return damage if the log is signed by a key that is not `known`."""
+    def key_damage(self, accepted: Collection[str] | None) -> Damage | None:
+        """Return damage if the log is signed by a key that is not accepted."""
         if not self.key:
             return None
-        known = known_keys() if known is None else known
-        if (used := fingerprint(self.key)) in known:
+        accepted = known_keys() if accepted is None else accepted
+        if (used := fingerprint(self.key)) in accepted:
             return None
-        own = f"known here: {', '.join(sorted(known)) or 'none'}"
+        own = f"known here: {', '.join(sorted(accepted)) or 'none'}"
         problem = f"signed by an unknown key, {used} ({own}); whoever can rewrite a log can sign "
         problem += "it with a key of their own: compare this one where the log was made"
         return Damage("unknown-key", self._key_line, problem)

@@ -223,7 +223,7 @@ class LogWriter:
         self._last: Event | None = None
         self._owed: Literal["nothing", "disk", "signature"] = "nothing"
         signed = self._file.head.seq if self._file.head is not None else 0
-        self._unsigned, self._found = 0, self._seq - signed
+        self._unsigned, self._unsigned_before = 0, self._seq - signed
         self._problems: dict[str, LogError] = {}
         """The error of each task whose last attempt failed."""
         self._flushed_at = self._signed_at = clock()
@@ -362,9 +362,9 @@ class LogWriter:
 
     def _sign(self, last: Event, signer: Signer, *, at_once: bool, closing: bool = False) -> None:
         """Sign everything up to `last` in the log, and in its head once that is on the disk."""
-        signed = LogSigned(key=signer.public, closing=closing, found=self._found)
+        signed = LogSigned(key=signer.public, closing=closing, found=self._unsigned_before)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
-        self._unsigned, self._found, self._signed_at = 0, 0, self._clock()
+        self._unsigned, self._unsigned_before, self._signed_at = 0, 0, self._clock()
         # A head must never cover records that a crash could still remove from the disk.
         self.flush(durable=at_once)
         if _WRITE in self._problems:

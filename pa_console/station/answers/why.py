@@ -185,7 +185,7 @@ def _nearness(
     kind = kind_asked_for(asked_of(trace, attempt), action, world)
     if kind is None and PLAIN_KINDS[own_kind] in trace.mission.text.lower().split():
         kind = own_kind
-    planned = {candidate.agent for candidate in actions_of(attempt)}
+    planned = {part.agent for part in actions_of(attempt)}
     others = [
         candidate
         for candidate, spec in world.assets.items()
