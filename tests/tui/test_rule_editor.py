@@ -238,7 +238,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
     async with editing(rules, "e") as (app, pilot, station, editor):
         await write(pilot, editor, "critical", "high")
         await pilot.press("ctrl+s")
-        assert "is not what was signed any more" in await answer(pilot, "y")
+        assert "has changed since" in await answer(pilot, "y")
         await until(pilot, lambda: station.reloads)
         app.controllers.rules.rulebook = load_rules(rules)
         assert app.controllers.rules.rulebook.seal.standing == "own key"
