@@ -37,7 +37,7 @@ async def test_policies_are_searched_with_live_scores_and_filtered(show: Show) -
         await settle(pilot)
         assert [rule.id for rule in screen.shown()] == ["WF-09"]
         assert screen.query_one(OptionList).option_count == 1
-        assert "the LLM judges it" in str(screen.query_one(TextRows).render())
+        assert "only the judge can assess it" in str(screen.query_one(TextRows).render())
         await press(pilot, "escape")
         assert app.screen is app.session.main
 

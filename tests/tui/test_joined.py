@@ -68,7 +68,7 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(show: Show) -
     station.answers = {each.text: (line,) for each in (question, others)}
     async with show(station, clock=clock, joined=BOB) as (app, pilot, station, _):
         field = app.screen.query_one(MissionInput)
-        assert "it is commanded there" in str(field.placeholder)
+        assert "north commands this session" in str(field.placeholder)
         clock.now += ARM_DELAY_S
         for asked in station.questions:
             await pilot.press("slash", *asked, "enter")

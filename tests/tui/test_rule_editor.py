@@ -132,6 +132,7 @@ def results(editor: RuleEditor) -> str:
 async def answer(pilot: Pilot[Any], key: str) -> str:
     """Answer the question that comes up; return it."""
     await until(pilot, lambda: isinstance(pilot.app.screen, Confirm))
+    await until(pilot, lambda: pilot.app.screen.query(Static))
     question = plain(pilot.app.screen.query_one(Static).render())
     await pilot.press(key)
     await pilot.pause()
@@ -238,7 +239,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
     async with editing(rules, "e") as (app, pilot, station, editor):
         await write(pilot, editor, "critical", "high")
         await pilot.press("ctrl+s")
-        assert "is not what was signed any more" in await answer(pilot, "y")
+        assert "has changed since" in await answer(pilot, "y")
         await until(pilot, lambda: station.reloads)
         app.controllers.rules.rulebook = load_rules(rules)
         assert app.controllers.rules.rulebook.seal.standing == "own key"
@@ -246,7 +247,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
         app.controllers.rules.rulebook = load_rules(rules)
         await write(pilot, editor, "priority: high", "priority: medium")
         await pilot.press("ctrl+s")
-        assert "signed by an unknown key. Once saved it is ALTERED" in await answer(pilot, "n")
+        assert "signed by an unknown key. Once saved, it is ALTERED" in await answer(pilot, "n")
         assert "priority: high" in rules.read_text()
 
 

@@ -155,7 +155,7 @@ async def test_no_screen_opens_in_the_middle_of_a_text(show: Show) -> None:
         await Typist(pilot, clock).types("the epo")
         await settle(pilot)
         assert app.screen is app.session.main
-        assert "no command" in str(app.screen.query_one(KeyLine).render())
+        assert "not a command" in str(app.screen.query_one(KeyLine).render())
 
 
 @pytest.mark.parametrize("key", ["a", "r", "m", "alt+1"])

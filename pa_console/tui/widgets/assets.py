@@ -108,12 +108,12 @@ def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
     if track.dispute:
         claims = zip(_short([*track.identity_claims]), track.identity_claims.values(), strict=True)
         parts.append(f"DISPUTED: {few([f'{name} {claim}' for name, claim in claims])}")
+    if track.hostile_by:
+        parts.append(f"by {few(_short(track.hostile_by))}")
     if track.defiant:
         parts.append("DEFIES warning")
     elif track.warned:
         parts.append("warned")
-    if track.hostile_by:
-        parts.append(f"by {few(_short(track.hostile_by))}")
     parts.append(track.status)
     if track.emergency:
         parts.append("EMERGENCY VEHICLE")
