@@ -309,8 +309,8 @@ class Station:
     async def _ask(self, request: ev.ApprovalRequested, mission: str | None) -> None:
         """Let the approver decide on a plan; reject the plan if the approver or the log fails."""
         try:
-            said = self._approver(request)
-            decision = said if isinstance(said, Decision) else await said
+            answer = self._approver(request)
+            decision = answer if isinstance(answer, Decision) else await answer
             if self._station.awaits_decision:
                 named = {"request_id": request.request_id}
                 self._station.decide(decision.model_copy(update=named))

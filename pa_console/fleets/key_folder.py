@@ -289,8 +289,8 @@ class KeyFolder:
         trust = self.trust()
         key = trust.roster.stations.get(station)
         if key is None:
-            known = ", ".join(trust.roster.stations)
-            raise ValueError(f"there is no station {station!r}; known: {known}")
+            stations = ", ".join(trust.roster.stations)
+            raise ValueError(f"there is no station {station!r}; known: {stations}")
         people = {n: p for n, p in trust.roster.people.items() if p.role == "commander"}
         person = self._first("person", people)
         commander = self._load("person", person)
@@ -335,8 +335,8 @@ class KeyFolder:
         for name in names:
             if self._file(_pem(kind, name)).exists():
                 return name
-        known = ", ".join(names) or "nobody"
-        raise SigningError(f"{self.path}: the key of no {kind} of the roster is here ({known})")
+        people = ", ".join(names) or "nobody"
+        raise SigningError(f"{self.path}: the key of no {kind} of the roster is here ({people})")
 
     def _make(self, kind: str, name: str, passphrase: str = "") -> Ed25519PrivateKey:
         _named(name)
@@ -422,5 +422,5 @@ def _key_of(name: str, roster: Roster) -> str:
         return roster.people[name].key
     if name in roster.stations:
         return roster.stations[name]
-    known = ", ".join((*roster.people, *roster.stations))
-    raise ValueError(f"there is no person or station {name!r}; known: {known}")
+    holders = ", ".join((*roster.people, *roster.stations))
+    raise ValueError(f"there is no person or station {name!r}; known: {holders}")

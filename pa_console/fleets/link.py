@@ -184,11 +184,11 @@ def open_link(url: str, world: World, settings: Settings) -> Link:
     scheme, _, address = url.partition(":")
     point = link_schemes().get(scheme)
     if point is None:
-        known = ", ".join(
+        schemes = ", ".join(
             [f"{bus}://HOST/SITE" for bus in BUS] + [f"{s}:..." for s in link_schemes()]
         )
         raise ValueError(
-            f"--fleet {url}: there is no link {scheme!r}; give one of {known}, or install the "
+            f"--fleet {url}: there is no link {scheme!r}; give one of {schemes}, or install the "
             f"package that adds it (entry point {GROUP!r})"
         )
     try:

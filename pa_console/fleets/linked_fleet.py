@@ -316,12 +316,12 @@ class LinkedFleet(ReportedFleet):
         if stamp is None or not self._belief.is_latest(name, report.sent):
             return
         try:
-            said = self._telemetry(report, self._known.terrain, max(stamp, 0))
+            telemetry = self._telemetry(report, self._known.terrain, max(stamp, 0))
         except (ValidationError, TypeError, ValueError) as error:
             self._fault(link, f"the report of {name} is set aside", error)
             return
         (self._manual.add if report.manual else self._manual.discard)(name)
-        self._known.report(name, stamp, said)
+        self._known.report(name, stamp, telemetry)
 
     def _stamp(self, name: str, sent: datetime) -> int | None:
         """Return the tick at which a report was sent; None if its time is not plausible."""

@@ -48,7 +48,7 @@ def with_robots(
     position is unknown.
     """
     added: dict[str, AssetSpec] = {}
-    told: list[str] = []
+    lines: list[str] = []
     for robot in found:
         name = robot.name
         if name in world.assets or name in world.cameras or name in added:
@@ -56,14 +56,14 @@ def with_robots(
         try:
             _NAME.validate_python(name)
         except ValidationError:
-            told.append(f"{name} cannot join: that is no name of an asset, such as Robot_T03")
+            lines.append(f"{name} cannot join: that is no name of an asset, such as Robot_T03")
             continue
         if robot.kind not in world.platforms:
-            told.append(f"{name} cannot join: this world has no platform for a {robot.kind}")
+            lines.append(f"{name} cannot join: this world has no platform for a {robot.kind}")
             continue
         added[name] = AssetSpec(kind=robot.kind, post=_post(world, robot))
-        told.append(f"{name}{f' {robot.detail}' if robot.detail else ''} joins as a {robot.kind}")
-    return added, tuple(told)
+        lines.append(f"{name}{f' {robot.detail}' if robot.detail else ''} joins as a {robot.kind}")
+    return added, tuple(lines)
 
 
 def world_of_robots(
@@ -74,16 +74,16 @@ def world_of_robots(
     The assets are those of `base` that are `present`, and the new ones in `found`. Raises
     ValueError if there is no robot, or if the world has no room for all of them.
     """
-    added, told = with_robots(base, found)
-    known = {name: spec for name, spec in base.assets.items() if name in present}
-    if not known and not added:
+    added, lines = with_robots(base, found)
+    kept = {name: spec for name, spec in base.assets.items() if name in present}
+    if not kept and not added:
         raise ValueError("no robot was found: switch one on, and see its address and its name")
-    assets = {**known, **added}
+    assets = {**kept, **added}
     aliases = _aliases(base, {*base.frames, *base.zones, *assets})
     world = base.model_copy(update={"assets": assets, "aliases": aliases})
     for field, problem in geometry_problems(world):
         raise ValueError(f"{'.'.join(map(str, field))}: {problem}")
-    return world, told
+    return world, lines
 
 
 def around_places(
@@ -114,8 +114,8 @@ def around_places(
     try:
         return World.model_validate(document)
     except ValidationError as error:
-        said = error.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
-        raise ValueError(f"--place: {said}") from error
+        problem = error.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+        raise ValueError(f"--place: {problem}") from error
 
 
 def _aliases(base: World, names: Collection[str]) -> dict[str, str]:

@@ -78,8 +78,8 @@ class MessageWatch:
         findings: list[LinkFinding] = []
         for needed in self.needed:
             count, rate = self.count(needed.name), self.rate_hz(needed.name, now_s)
-            found = f"{rate:.1f} a second" if rate else f"{count} so far" if count else "never"
-            finding = LinkFinding(agent, needed.name, found)
+            arrivals = f"{rate:.1f} a second" if rate else f"{count} so far" if count else "never"
+            finding = LinkFinding(agent, needed.name, arrivals)
             enough = count and not (needed.period_s and 0.0 < rate * needed.patience_s < 1.0)
             findings.append(finding.unless(enough, needed.wanted, needed.lacking))
         return findings

@@ -113,8 +113,8 @@ def within_share(
     gave_way: Counter[str] = Counter()
     room = MOST_ALONE - alone
     for detection in ordered[:MOST_CONTACTS]:
-        known = detection.contact in files or detection.contact in new
-        if not known and detection.position is not None:
+        has_track = detection.contact in files or detection.contact in new
+        if not has_track and detection.position is not None:
             if len(new) >= room:
                 continue
             if len(files) + len(new) >= MOST_TRACKS:
@@ -267,11 +267,11 @@ class ReportedPicture:
         for name, at in team.items():
             if name in scene.assets and name != sensor:
                 self._recognised[name] = (stamp, at)
-        found = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
-        near = [each for each in found if each.position is None or reach.covers(each.position)]
+        detections = [_detection(contact, stamp, world.dt_s) for contact in seen.contacts]
+        near = [each for each in detections if each.position is None or reach.covers(each.position)]
         taken, aside = within_share(scene.sensing.files, sensor, near)
         tracker.receive(self.terrain, scene, sensor, stamp, tuple(taken))
-        far = len(seen.team) - len(team) + len(found) - len(near)
+        far = len(seen.team) - len(team) + len(detections) - len(near)
         if not far:
             return tuple(aside)
         text = f"reports {count(far, 'detection')} from beyond its range of {reach.range_m:.0f} m"
@@ -369,15 +369,15 @@ class ReportedPicture:
             *(
                 name
                 for name in self.world.cameras
-                if not (known := self._cameras.get(name, (silent_since - 1, False)))[1]
-                or known[0] < silent_since
+                if not (camera := self._cameras.get(name, (silent_since - 1, False)))[1]
+                or camera[0] < silent_since
             ),
             *(name for name in scene.assets if self._watched.get(name, -math.inf) < silent_since),
         )
         integrity.compare(self.terrain, scene, self._seen())
         picture = station_side.build(self.terrain, scene, scene.assets).picture()
-        known = {"links": dict(self.links), "not_ready": dict(self._not_ready)}
-        self._picture = picture.model_copy(update=known)
+        update = {"links": dict(self.links), "not_ready": dict(self._not_ready)}
+        self._picture = picture.model_copy(update=update)
 
     def note_readiness(self, name: str, why: str) -> None:
         """Set the reason why an asset cannot start yet, for the next picture; '' once it can."""

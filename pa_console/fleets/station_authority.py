@@ -99,10 +99,10 @@ class StationAuthority:
 
     def take(self, message: str) -> str:
         """Accept a signed roster, revocation or takeover; return the reason if refused, else ''."""
-        known = set(self._signed.newest.values())
+        before = set(self._signed.newest.values())
         why = self._signed.hear(message)
         for taken in self._signed.newest.values():
-            if taken not in known:
+            if taken not in before:
                 self._keep(taken)
         return why
 
@@ -329,8 +329,8 @@ class Vehicles:
         return self._signed.hear(message)
 
     def _tell(self, message: str) -> str:
-        found = [verifier.take(message) for verifier in self._verifiers.values()]
-        return next(filter(None, found), "")
+        refusals = [verifier.take(message) for verifier in self._verifiers.values()]
+        return next(filter(None, refusals), "")
 
     def verify(self, token: str | None, command: DeviceCommand) -> str:
         """Return why the command's agent refuses it with that token; '' if it accepts it."""

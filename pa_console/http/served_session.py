@@ -120,8 +120,8 @@ class EventFeed:
         path = self._log()
         if path is None:
             return
-        told = enumerate(read_log(path), start=1)
-        wanted = (NumberedEvent(number, event) for number, event in told if number > after)
+        records = enumerate(read_log(path), start=1)
+        wanted = (NumberedEvent(number, event) for number, event in records if number > after)
         while piece := await asyncio.to_thread(_some, wanted):
             for item in piece:
                 if item.number > until:
@@ -185,13 +185,13 @@ class ServedSession:
 
     def mission(self, name: str) -> MissionTrace:
         """Return the mission with the id `name`; raises ProblemError if there is none."""
-        found = self.state.missions.get(name)
-        if found is None:
+        trace = self.state.missions.get(name)
+        if trace is None:
             raise ProblemError(
                 404, "no-such-mission", f"there is no mission {name!r}", field="id",
                 remedy="GET /v1/missions lists them",
             )  # fmt: skip
-        return found
+        return trace
 
     async def answer(self, text: str) -> ev.QuestionAnswered:
         """Answer a question, one at a time; raises ProblemError for any other text."""
@@ -354,9 +354,9 @@ class ServedSession:
     def acknowledge(self, bearer: Bearer, alarm_id: str) -> None:
         """Record that the bearer has seen an open alarm."""
         if all(item.alarm.id != alarm_id for item in self.state.alarms):
-            known = ", ".join(item.alarm.id for item in self.state.alarms) or "none"
+            alarms = ", ".join(item.alarm.id for item in self.state.alarms) or "none"
             raise ProblemError(
-                404, "no-such-alarm", f"no alarm {alarm_id!r} is open; open: {known}", field="id",
+                404, "no-such-alarm", f"no alarm {alarm_id!r} is open; open: {alarms}", field="id",
                 remedy="GET /v1/state lists them",
             )  # fmt: skip
         with _refused("not-acknowledged", "id"):
@@ -364,8 +364,8 @@ class ServedSession:
 
     def change_standing(self, bearer: Bearer, name: str, change: Change) -> None:
         """Change a standing order in force in the bearer's name."""
-        found = self.state.standing.get(name)
-        if found is None or not found.in_force:
+        standing = self.state.standing.get(name)
+        if standing is None or not standing.in_force:
             raise ProblemError(
                 404, "no-such-order", f"no standing order {name!r} is in force", field="id",
                 remedy="GET /v1/state lists them",

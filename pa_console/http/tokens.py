@@ -70,14 +70,14 @@ class TokenBook:
         file that cannot be used.
         """
         digest = _hash(token)
-        found = self._own.get(digest)
-        if found is None:
+        bearer = self._own.get(digest)
+        if bearer is None:
             self._read_changed()
             kept = self._kept.get(digest)
             if kept is None:
                 return None
-            found = Bearer(kept.person, kept.role)
-        return self._limited(found)
+            bearer = Bearer(kept.person, kept.role)
+        return self._limited(bearer)
 
     def make(self, person: str, role: TokenRole, *, keep: bool = True) -> str:
         """Return a new token, which is shown once.
@@ -108,12 +108,12 @@ class TokenBook:
     def revoke(self, name: str) -> KeptToken:
         """Delete the token with the id `name`; raises ValueError if there is none."""
         self._read_changed()
-        found = [one for one in self._kept.values() if one.id == name]
-        if not found:
-            known = ", ".join(one.id for one in self._kept.values()) or "none"
-            raise ValueError(f"there is no token {name!r}; known: {known}")
+        kept = [one for one in self._kept.values() if one.id == name]
+        if not kept:
+            ids = ", ".join(one.id for one in self._kept.values()) or "none"
+            raise ValueError(f"there is no token {name!r}; known: {ids}")
         self._write([one for one in self._kept.values() if one.id != name])
-        return found[0]
+        return kept[0]
 
     def listed(self) -> list[KeptToken]:
         """Return the stored tokens, oldest first."""

@@ -101,11 +101,11 @@ class AgentsSession:
         """
         book = self._station.rulebook
         if rule_id:
-            found = tuple(rule for rule in book.rules if rule.id == rule_id)
-            if not found:
-                known = ", ".join(rule.id for rule in book.rules)
-                raise ValueError(f"there is no rule {rule_id!r}; known: {known}")
-            return FoundRules(rules=found)
+            matches = tuple(rule for rule in book.rules if rule.id == rule_id)
+            if not matches:
+                ids = ", ".join(rule.id for rule in book.rules)
+                raise ValueError(f"there is no rule {rule_id!r}; known: {ids}")
+            return FoundRules(rules=matches)
         if not search.strip():
             return FoundRules(rules=book.rules)
         hits = self._station.retriever.retrieve(search, MOST_FOUND)
@@ -123,9 +123,15 @@ class AgentsSession:
         self, actions: Sequence[Action], purpose: str, *, rehearsed: bool
     ) -> ExaminedPlan:
         """Check a plan in the present picture; with `rehearsed`, return its rehearsal as well."""
-        found = await self._station.examine(_plan("", actions), purpose)
-        shown = found.rehearsal.timeline if rehearsed and found.rehearsal is not None else None
-        return ExaminedPlan(blocked=found.blocked, findings=found.findings, rehearsal=shown)
+        examination = await self._station.examine(_plan("", actions), purpose)
+        shown = (
+            examination.rehearsal.timeline
+            if rehearsed and examination.rehearsal is not None
+            else None
+        )
+        return ExaminedPlan(
+            blocked=examination.blocked, findings=examination.findings, rehearsal=shown
+        )
 
     def unclear(self, text: str) -> Unclear | None:
         """Return the unclear part of a text and its answers; None if the text is clear."""
@@ -143,11 +149,11 @@ class AgentsSession:
 
         Raises ValueError for an unknown id.
         """
-        found = self.state.missions.get(mission_id)
-        if found is None:
-            known = ", ".join(list(self.state.missions)[-8:]) or "none"
-            raise ValueError(f"there is no mission {mission_id!r}; the latest: {known}")
-        return mission_detail(found)
+        trace = self.state.missions.get(mission_id)
+        if trace is None:
+            recent = ", ".join(list(self.state.missions)[-8:]) or "none"
+            raise ValueError(f"there is no mission {mission_id!r}; the latest: {recent}")
+        return mission_detail(trace)
 
     def withdraw(self, agent: str, mission_id: str) -> None:
         """Withdraw an agent's own proposal; raises ValueError for any other mission."""

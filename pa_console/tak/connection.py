@@ -69,17 +69,17 @@ class Certificate:
                 f"{missing} is missing: TLS takes the client's certificate (--tls-cert) and that "
                 "of the authority which vouches for the server (--tls-ca)"
             )
-        found = cls(certificate, key or certificate, ca)
+        credentials = cls(certificate, key or certificate, ca)
         for option, path in (
-            ("--tls-cert", found.certificate),
-            ("--tls-key", found.key),
-            ("--tls-ca", found.ca),
+            ("--tls-cert", credentials.certificate),
+            ("--tls-key", credentials.key),
+            ("--tls-ca", credentials.ca),
         ):
             if not path.is_file():
                 raise ValueError(f"{option} {path}: there is no such file")
-        if not os.environ.get(PASSWORD_VARIABLE) and found.locked:
-            raise ValueError(f"{found.key} is encrypted: set {PASSWORD_VARIABLE}")
-        return found
+        if not os.environ.get(PASSWORD_VARIABLE) and credentials.locked:
+            raise ValueError(f"{credentials.key} is encrypted: set {PASSWORD_VARIABLE}")
+        return credentials
 
     @property
     def locked(self) -> bool:
@@ -121,7 +121,7 @@ class TakServer:
 
     def settings(self) -> dict[str, str]:
         """Return the server as settings of PyTAK, which needs `%` escaped."""
-        found = {"COT_URL": str(self)}
+        settings = {"COT_URL": str(self)}
         if self.certificate is not None:
             given = {
                 "PYTAK_TLS_CLIENT_CERT": str(self.certificate.certificate),
@@ -130,8 +130,8 @@ class TakServer:
                 "PYTAK_TLS_CLIENT_CIPHERS": CIPHERS,
                 "PYTAK_TLS_CLIENT_PASSWORD": os.environ.get(PASSWORD_VARIABLE, ""),
             }
-            found |= {name: value.replace("%", "%%") for name, value in given.items()}
-        return found
+            settings |= {name: value.replace("%", "%%") for name, value in given.items()}
+        return settings
 
     def __str__(self) -> str:
         scheme = "tcp" if self.certificate is None else "tls"

@@ -258,5 +258,5 @@ def _degrees(text: str, most: float) -> float:
 
 def _moment(text: str) -> datetime:
     """Parse a moment; one without a time zone is in UTC."""
-    found = datetime.fromisoformat(text)
-    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).astimezone(UTC)
+    time = datetime.fromisoformat(text)
+    return (time if time.tzinfo is not None else time.replace(tzinfo=UTC)).astimezone(UTC)

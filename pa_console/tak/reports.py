@@ -110,22 +110,22 @@ class ContactBook:
 
     def lose(self, uid: str, reason: LossReason) -> None:
         """Remove a contact; its loss is reported only if the contact was reported."""
-        known = self._known.pop(uid, None)
-        if known is not None and known.reported is not None:
+        contact = self._known.pop(uid, None)
+        if contact is not None and contact.reported is not None:
             self._lost.append(ContactLost(uid=uid, reason=reason))
 
     def news(self, now: datetime) -> Iterator[ContactReported | ContactLost]:
         """Yield the reports of lost contacts, then of new and changed ones."""
         most = now + HOLDS_MOST  # the bound also holds after the clock was set back
-        stales = {uid: known.contact.stale for uid, known in self._known.items()}
+        stales = {uid: contact.contact.stale for uid, contact in self._known.items()}
         for uid in (uid for uid, stale in stales.items() if not now < stale <= most):
             self.lose(uid, "stale")
         lost, self._lost = self._lost, []
         yield from lost
-        for known in self._known.values():
-            if known.is_news(now):
-                known.reported, known.reported_at = known.contact, now
-                yield ContactReported(contact=known.contact)
+        for contact in self._known.values():
+            if contact.is_news(now):
+                contact.reported, contact.reported_at = contact.contact, now
+                yield ContactReported(contact=contact.contact)
 
     def _has_place(self, now: datetime) -> bool:
         passed = max(now - self._counted, timedelta()) if self._counted else timedelta()
@@ -165,8 +165,8 @@ class OwnEvents:
             return
         subject, at = event.subject, event.point
         callsign = next((e.get("callsign", "") for e in event.detail if e.tag == "contact"), "")
-        known = self._sent.pop(subject, None)
-        self._sent[subject] = known if known is not None else deque[_OwnEvent](maxlen=SENT_KEPT)
+        sent = self._sent.pop(subject, None)
+        self._sent[subject] = sent if sent is not None else deque[_OwnEvent](maxlen=SENT_KEPT)
         self._sent[subject].append(
             _OwnEvent(
                 event.type,

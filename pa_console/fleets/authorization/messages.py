@@ -175,8 +175,8 @@ def public_of(key: Ed25519PrivateKey) -> str:
 
 def digest(command: Command) -> str:
     """Return the SHA-256 of the entire content of `command`."""
-    said = [command.command_id, command.agent, command.verb, command.target]
-    return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+    parts = [command.command_id, command.agent, command.verb, command.target]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def words(command: Command) -> str:

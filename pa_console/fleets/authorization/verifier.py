@@ -257,10 +257,10 @@ class Verifier:
         token = f"{claims['iss']}/{claims['session']}/{claims['jti']}"
         if why := self._memory.use("token", token, claims["exp"]):
             raise RefusedError(f"its authorization was {_USED[why]}")
-        said = words(command)
+        text = words(command)
         for approval in approvals:
-            order = json.dumps([approval[part] for part in _ONE_APPROVAL] + [said])
-            for number in range(approval["orders"].count(said)):
+            order = json.dumps([approval[part] for part in _ONE_APPROVAL] + [text])
+            for number in range(approval["orders"].count(text)):
                 why = self._memory.use("order", f"{order}/{number}", approval["exp"])
                 if why != "used":
                     break

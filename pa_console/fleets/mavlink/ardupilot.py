@@ -79,7 +79,7 @@ class Parameter:
 def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:
     """Return the parameters to check; `station` is the console's own system id."""
     polygon = f"one with {POLYGON} in it"
-    found = [
+    settings = [
         Parameter(BATTERY, lambda v: v > 0, "4", "its battery counts as low"),
         Parameter("BATT_FS_LOW_ACT", lambda v: v > 0, "2", "it goes on with an empty battery"),
         Parameter("FENCE_ACTION", lambda v: v > 0, "1", NO_FENCE),
@@ -90,11 +90,11 @@ def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tupl
     if kind == "uav":
         ceiling, orders = vehicles.ceiling_m, ", ".join(vehicles.survives_lost_link)
         high = f"it breaks its fence on a flight at ceiling_m, {ceiling:g} m"
-        found.append(
+        settings.append(
             Parameter("FENCE_ALT_MAX", lambda v: v >= ceiling, f"{ceiling:g} or more", high)
         )
         if orders:
             cut = f"its failsafe ends '{orders}' when the link is lost"
             wanted = f"one with {GOES_ON} in it"
-            found.append(Parameter("FS_OPTIONS", lambda v: bool(int(v) & GOES_ON), wanted, cut))
-    return tuple(found)
+            settings.append(Parameter("FS_OPTIONS", lambda v: bool(int(v) & GOES_ON), wanted, cut))
+    return tuple(settings)

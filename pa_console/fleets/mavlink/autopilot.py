@@ -174,8 +174,8 @@ class MavsdkAutopilot:
             self._flight.state.battery_pct = remaining
 
     def _landed(self, landed: Any) -> None:
-        known = {LandedState.ON_GROUND: True, LandedState.UNKNOWN: None}
-        self._flight.state.on_ground = known.get(landed, False)
+        on_ground = {LandedState.ON_GROUND: True, LandedState.UNKNOWN: None}
+        self._flight.state.on_ground = on_ground.get(landed, False)
 
     def _health(self, health: Any) -> None:
         if self.kind != "ardupilot":
@@ -265,11 +265,11 @@ class MavsdkAutopilot:
 
         def done(result: MissionRawResult, items: Sequence[Any], _data: Any) -> None:
             none = result == MissionRawResult.NO_MISSION_AVAILABLE
-            found = tuple(
+            fence = tuple(
                 MavItem(i.command, i.x, i.y, i.z, (i.param1, i.param2, i.param3, i.param4), i.frame)
                 for i in items
             )
-            self._post(partial(self._flight.fence_read, "" if none else _problem(result), found))
+            self._post(partial(self._flight.fence_read, "" if none else _problem(result), fence))
 
         self._mission.download_geofence_async(done)
 

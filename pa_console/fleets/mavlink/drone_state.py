@@ -185,8 +185,8 @@ class DroneState:
         vx, vy, vz = (int(message[name]) / 100.0 for name in ("vx", "vy", "vz"))
         speed = math.hypot(vx, vy, vz)
         course = int(message["hdg"])
-        known = self.fix.heading_deg if self.fix is not None else 0.0
-        heading = self.geography.heading(course / 100.0) if 0 <= course < 36_000 else known
+        before_deg = self.fix.heading_deg if self.fix is not None else 0.0
+        heading = self.geography.heading(course / 100.0) if 0 <= course < 36_000 else before_deg
         self.fix = Fix(
             at,
             sent,

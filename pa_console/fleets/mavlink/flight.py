@@ -208,6 +208,8 @@ class Flight(ReportingVehicle):
             if now - since_s >= REASON_S:
                 self._give_reason(order.command, what, since_s, order.acknowledged)
                 self._order = None
+        elif order.acknowledged and order.target and self._left_for_itself(order.started_s):
+            self._end(order, "failed", self._left_words(order))
         elif not order.steps:
             self._follow(order, now)
         elif self._hold is None or not self._hold.waits(now):
@@ -336,9 +338,7 @@ class Flight(ReportingVehicle):
             gap += abs((0.0 if order.target is None else order.altitude_m) - fix.altitude_m)
         if gap < order.nearest_m - NEARER_M:
             order.nearest_m, order.nearest_s = gap, now
-        if order.target is not None and self._left_for_itself(order.started_s):
-            self._end(order, "failed", self._left_words(order))
-        elif now - order.nearest_s > STALL_S:
+        if now - order.nearest_s > STALL_S:
             words = f"it has not come nearer for {STALL_S:.0f} s, {gap:.0f} m to go"
             self._end(order, "failed", self._with_words(words, order.since_s))
         else:

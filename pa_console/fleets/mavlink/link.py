@@ -183,7 +183,7 @@ class MavlinkLink(ThreadedLink):
 
     def discover(self) -> Sequence[FoundRobot]:
         """Return the vehicles of the file that have reported, and other vehicles on the link."""
-        found = [
+        robots = [
             FoundRobot(
                 name,
                 self._vehicles.vehicles[name].kind,
@@ -191,11 +191,11 @@ class MavlinkLink(ThreadedLink):
             )
             for name, flight in list(self._flights.items())
         ]
-        found += [
+        robots += [
             FoundRobot(f"Drone_M{number}", "uav", detail=f"MAVLink system id {number}")
             for number in sorted(self._strangers)
         ]
-        return found
+        return robots
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:
         """Return findings about every vehicle: readiness, messages and ArduPilot parameters."""

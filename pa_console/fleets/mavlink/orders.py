@@ -130,10 +130,10 @@ class OrderPlanner:
             place = self._place(target, fix)
             if place is None:
                 return f"{target}: there is no free place for it"
-            found = self.terrain.planner.route(self.asset_kind, fix.at, place)
-            if found is None:
+            planned = self.terrain.planner.route(self.asset_kind, fix.at, place)
+            if planned is None:
                 return f"{target} cannot be reached"
-            route = found
+            route = planned
         steps: list[Step] = [commands.LOOK_AHEAD] if self._looks else []
         if flies:
             steps += self._flown(

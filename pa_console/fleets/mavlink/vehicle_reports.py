@@ -211,11 +211,11 @@ class ReportingVehicle(ABC):
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
         """Emit a notice, unless an equal one was emitted within REPEAT_TEXT_S."""
-        now, told = self._now(), self._texts
-        for old in [old for old, at_s in told.items() if now - at_s > REPEAT_TEXT_S]:
-            del told[old]
-        if text not in told and len(told) < MOST_TEXTS:
-            told[text] = now
+        now, texts = self._now(), self._texts
+        for old in [old for old, at_s in texts.items() if now - at_s > REPEAT_TEXT_S]:
+            del texts[old]
+        if text not in texts and len(texts) < MOST_TEXTS:
+            texts[text] = now
             self._say(level, text)
 
     def _complete(self) -> bool:

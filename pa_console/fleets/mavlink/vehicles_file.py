@@ -64,19 +64,19 @@ class MavlinkVehicles(StrictModel):
 def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
     """Return the vehicles in the file at `path`; raises DocumentError, a ValueError, if invalid."""
     document = Document.read(path)
-    found = document.parse(MavlinkVehicles)
-    if found.floor_m > found.ceiling_m:
-        problem = f"{found.floor_m:g} m is above ceiling_m, {found.ceiling_m:g} m: lower it"
+    vehicles = document.parse(MavlinkVehicles)
+    if vehicles.floor_m > vehicles.ceiling_m:
+        problem = f"{vehicles.floor_m:g} m is above ceiling_m, {vehicles.ceiling_m:g} m: lower it"
         raise document.error(("floor_m",), problem)
     owners: dict[int, str] = {}
-    for agent, vehicle in found.vehicles.items():
+    for agent, vehicle in vehicles.vehicles.items():
         field = ("vehicles", agent)
         asset = world.assets.get(agent)
         if asset is None:
-            known = ", ".join(n for n, spec in world.assets.items() if spec.kind == vehicle.kind)
+            names = ", ".join(n for n, spec in world.assets.items() if spec.kind == vehicle.kind)
             problem = (
                 f"the world {world.name!r} has no such asset; its assets of the kind "
-                f"{vehicle.kind}: {known or 'none'}"
+                f"{vehicle.kind}: {names or 'none'}"
             )
             raise document.error(field, problem)
         if asset.kind != vehicle.kind:
@@ -91,11 +91,11 @@ def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
             problem = f"{vehicle.system_id} is the system id of {other} too: each has its own"
             raise document.error((*field, "system_id"), problem)
         for verb in ("move_to", "observe") if vehicle.kind == "uav" else ():
-            height = found.altitude(agent, verb)
-            if not found.floor_m <= height <= found.ceiling_m:
+            height = vehicles.altitude(agent, verb)
+            if not vehicles.floor_m <= height <= vehicles.ceiling_m:
                 raise document.error(
                     field,
-                    f"{verb} at {height:g} m is outside {found.floor_m:g} to {found.ceiling_m:g} m:"
-                    " change the altitude, or floor_m and ceiling_m",
+                    f"{verb} at {height:g} m is outside {vehicles.floor_m:g} to "
+                    f"{vehicles.ceiling_m:g} m: change the altitude, or floor_m and ceiling_m",
                 )
-    return found
+    return vehicles

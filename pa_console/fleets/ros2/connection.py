@@ -122,8 +122,8 @@ def read_site(path: Path, world: World) -> RobotSite:
     connection = document.parse(Connection)
     for name in connection.frames:
         if name not in world.frames:
-            known = ", ".join(world.frames)
-            raise document.error(("frames", name), f"no frame of {world.name}; it has {known}")
+            frames = ", ".join(world.frames)
+            raise document.error(("frames", name), f"no frame of {world.name}; it has {frames}")
     for name, robot in connection.robots.items():
         if name not in world.assets:
             raise document.error(

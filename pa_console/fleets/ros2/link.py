@@ -123,10 +123,10 @@ class Ros2Link(ThreadedLink):
         """Send the waiting commands; a motion that waits with a later hold is refused."""
         waiting = [self._commands.popleft() for _ in range(len(self._commands))]
         for place, command in enumerate(waiting):
-            held = {each.agent for each in waiting[place:] if each.verb == "hold"}
+            held = {later.agent for later in waiting[place:] if later.verb == "hold"}
             if command.verb != "hold" and command.agent in held:
-                said = (command.command_id, command.agent, "refused", HELD)
-                self._tell(DeviceAnswer(*said))
+                refusal = (command.command_id, command.agent, "refused", HELD)
+                self._tell(DeviceAnswer(*refusal))
             elif (robot := self._robots.get(command.agent)) is not None:
                 robot.navigator.send(command)
 

@@ -35,14 +35,14 @@ class Localization:
 
         A `fixed` transform is valid at any time and does not determine the time of the place.
         """
-        for each in transforms:
+        for transform in transforms:
             if fixed:
-                each = each._replace(stamp=0.0)  # noqa: PLW2901
-            known = self._parents.get(each.child)
-            if known is None and len(self._parents) >= MOST_FRAMES:
+                transform = transform._replace(stamp=0.0)  # noqa: PLW2901
+            before = self._parents.get(transform.child)
+            if before is None and len(self._parents) >= MOST_FRAMES:
                 continue
-            if known is None or each.stamp >= known.stamp:
-                self._parents[each.child] = each
+            if before is None or transform.stamp >= before.stamp:
+                self._parents[transform.child] = transform
         if (found := self._chain()) is not None:
             self.move(*found, now_s)
 

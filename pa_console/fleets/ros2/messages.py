@@ -102,12 +102,12 @@ def read_transforms(message: Any) -> list[Stamped]:
     """Return the transforms of a `tf2_msgs/TFMessage`."""
     return [
         Stamped(
-            each.header.frame_id.lstrip("/"),
-            each.child_frame_id.lstrip("/"),
-            _planar(each.transform.translation, each.transform.rotation),
-            _seconds(each.header.stamp),
+            transform.header.frame_id.lstrip("/"),
+            transform.child_frame_id.lstrip("/"),
+            _planar(transform.transform.translation, transform.transform.rotation),
+            _seconds(transform.header.stamp),
         )
-        for each in _few(message.transforms)
+        for transform in _few(message.transforms)
     ]
 
 
@@ -133,7 +133,7 @@ def read_battery(message: Any) -> float:
 
 def read_states(message: Any) -> dict[bytes, int]:
     """Return the state of each goal in an `action_msgs/GoalStatusArray`, by its id."""
-    return {bytes(each.goal_info.goal_id.uuid): each.status for each in _few(message.status_list)}
+    return {bytes(goal.goal_info.goal_id.uuid): goal.status for goal in _few(message.status_list)}
 
 
 def read_result(message: Any) -> tuple[int, str]:

@@ -314,6 +314,6 @@ class Navigator:
         goal.said = self._say(goal.command, status, detail)
 
     def _say(self, command: DeviceCommand, status: ReplyStatus, detail: str = "") -> DeviceAnswer:
-        said = DeviceAnswer(command.command_id, self.name, status, detail)
-        self.answer(said)
-        return said
+        answer = DeviceAnswer(command.command_id, self.name, status, detail)
+        self.answer(answer)
+        return answer

@@ -182,8 +182,8 @@ class RosNode:
             self._guarded(partial(self._executor.spin_once, left_s))
 
     def _count(self) -> None:
-        found = _actions.get_action_names_and_types(self.node)
-        names = [name for name, types in found if _GOTO in types]
+        actions = _actions.get_action_names_and_types(self.node)
+        names = [name for name, types in actions if _GOTO in types]
         self.servers = {n: self.node.count_publishers(f"{n}/_action/status") for n in names}
         self.services = frozenset(name for name, _ in self.node.get_service_names_and_types())
 
@@ -229,8 +229,8 @@ class Nav2Server:
         self.action, create = entry.named(asset, entry.action), node.node.create_client
         self._goals = create(_Impl.SendGoalService, f"{self.action}/_action/send_goal")
         self._results = create(_Impl.GetResultService, f"{self.action}/_action/get_result")
-        actions = (self.action, *(entry.named(asset, each) for each in entry.stops))
-        self._cancels = [create(_CancelGoal, f"{each}/_action/cancel_goal") for each in actions]
+        actions = (self.action, *(entry.named(asset, action) for action in entry.stops))
+        self._cancels = [create(_CancelGoal, f"{action}/_action/cancel_goal") for action in actions]
 
     @property
     def servers(self) -> int:

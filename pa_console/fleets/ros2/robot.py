@@ -91,7 +91,7 @@ class Robot:
     def listen(self, node: "RosNode", managed: "Callable[[RosNode, str], ManagedNode]") -> None:
         """Subscribe to the robot's topics; `managed` returns a managed node by its full name."""
         entry = self._entry
-        self._managed = {each: managed(node, entry.named(self.name, each)) for each in entry.nodes}
+        self._managed = {name: managed(node, entry.named(self.name, name)) for name in entry.nodes}
         status, states = f"{entry.action}/_action/status", "action_msgs/msg/GoalStatusArray"
         topics: list[tuple[str | None, str, Callable[[Any], None], bool]] = [
             (status, states, self._goals, True),
@@ -210,10 +210,10 @@ class Robot:
             self._move(pose)
 
     def _transforms(self, message: Any, *, fixed: bool = False) -> None:
-        found = messages.read_transforms(message)
+        transforms = messages.read_transforms(message)
         if not fixed:
-            found = [self._stamped(each) for each in found]
-        self.localization.see_transforms(found, time.monotonic(), fixed=fixed)
+            transforms = [self._stamped(each) for each in transforms]
+        self.localization.see_transforms(transforms, time.monotonic(), fixed=fixed)
         self._report()
 
     def _place(self, message: Any) -> None:

@@ -81,13 +81,13 @@ class Credentials:
 
         Raises ValueError if a file is missing.
         """
-        found = cls(folder / CA_FILE, folder / f"{name}.crt", folder / f"{name}.key")
-        for path in (found.ca, found.certificate, found.key):
+        credentials = cls(folder / CA_FILE, folder / f"{name}.crt", folder / f"{name}.key")
+        for path in (credentials.ca, credentials.certificate, credentials.key):
             if not path.is_file():
                 raise ValueError(
                     f"{path} is not there; 'pa-console site init {folder}' makes certificates"
                 )
-        return found
+        return credentials
 
     @classmethod
     def claim(cls, folder: Path, role: str) -> Self:
@@ -100,9 +100,9 @@ class Credentials:
         alike = [f"{role}{number}" for number in NUMBERS]
         names = [name for name in alike if (folder / f"{name}.crt").is_file()]
         for name in names or [role]:
-            found = cls.of(folder, name)
+            credentials = cls.of(folder, name)
             with suppress(BlockingIOError):
-                return replace(found, claimed=_lock(found.key))
+                return replace(credentials, claimed=_lock(credentials.key))
         raise ValueError(
             f"other programs of this machine use {', '.join(f'{name}.crt' for name in names)} "
             f"in {folder}, and each connection needs a certificate of its own; end one of them, or "

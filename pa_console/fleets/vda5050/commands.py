@@ -98,11 +98,11 @@ def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | No
         if error.refers_to(command_id) and error.error_level == "WARNING":
             return RobotAnswer("refused", error.error_description or error.error_type)
     states = (*state.action_states, *state.instant_action_states)
-    found = _find(states, command_id)
-    if found is None:
+    action = _find(states, command_id)
+    if action is None:
         return None
-    detail = found.action_result or ""
-    match found.action_status:
+    detail = action.action_result or ""
+    match action.action_status:
         case "FAILED":
             return RobotAnswer("failed", detail)
         case "FINISHED":
@@ -217,7 +217,7 @@ class Robot:
         for action_id, asked in list(self.asked.items()):
             if asked.said is not None and asked.said.status in FINAL_REPLIES:
                 continue
-            said = answer_of(action_id, asked.command.verb, state)
-            if said is not None and said != asked.said:
-                self.asked[action_id] = replace(asked, said=said)
-                yield asked.command, said
+            answer = answer_of(action_id, asked.command.verb, state)
+            if answer is not None and answer != asked.said:
+                self.asked[action_id] = replace(asked, said=answer)
+                yield asked.command, answer

@@ -113,7 +113,7 @@ class BusListener:
         if topic.name not in [kind.TOPIC for kind in EXAMINED] or topic.identity == SITE:
             return
         if topic.identity not in self._senders:
-            if twin := next((one for one in self._senders if one.serial_number == name), None):
+            if twin := next((i for i in self._senders if i.serial_number == name), None):
                 makers = f"{twin.manufacturer} and {topic.identity.manufacturer}"
                 text = f"is the name of two robots, of {makers}: only one is believed"
                 yield LinkNotice("alarm", name, text)

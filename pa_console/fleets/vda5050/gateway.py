@@ -269,10 +269,10 @@ class Gateway(Speaker):
                 commands = list(self.vehicle.take_actions(message))
             case ZoneSet():
                 zones = message.zone_set
-                known = KnownZoneSet(
+                zone_set = KnownZoneSet(
                     zone_set_id=zones.zone_set_id, map_id=zones.map_id, zone_set_status="ENABLED"
                 )
-                self._zones, commands = (known,), []
+                self._zones, commands = (zone_set,), []
             case _:
                 commands = []
         for command in commands:

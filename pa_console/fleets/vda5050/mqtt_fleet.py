@@ -438,12 +438,12 @@ class MqttFleet(ReportedFleet):
             self._order(robot, command)
         kind = self.world.assets[robot.name].kind
         terrain = self._known.terrain
-        said = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
-        if said is None:
+        telemetry = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
+        if telemetry is None:
             self._say("alarm", robot.name, "does not know where it is", "lost")
             return
-        own = robot.command_id(said.command_id)
-        self._known.report(robot.name, stamp, said.model_copy(update={"command_id": own}))
+        own = robot.command_id(telemetry.command_id)
+        self._known.report(robot.name, stamp, telemetry.model_copy(update={"command_id": own}))
 
     def _take_detections(self, delivery: Delivery, seen: additions.Detections) -> None:
         name = delivery.topic.identity.serial_number

@@ -50,8 +50,8 @@ class SharedSession:
 
     def ask(self, message: RecordsAsked) -> None:
         """Record a request for missing records; a later step sends one piece of them."""
-        known = message.session == self.session and 1 <= message.first < len(self._ends)
-        if known and message.first not in self._asked:
+        has_records = message.session == self.session and 1 <= message.first < len(self._ends)
+        if has_records and message.first not in self._asked:
             self._asked.append(message.first)
 
     def step(self, site: str, now: datetime) -> Iterator[OutgoingMessage]:
@@ -101,10 +101,10 @@ class SharedSession:
         try:
             with self._path.open("rb") as file:
                 file.seek(self._ends[first - 1])
-                found = file.read(self._ends[last] - self._ends[first - 1])
+                content = file.read(self._ends[last] - self._ends[first - 1])
         except OSError:
             return b""
-        return found if found.endswith(b"\n") else b""
+        return content if content.endswith(b"\n") else b""
 
 
 def signed_messages(

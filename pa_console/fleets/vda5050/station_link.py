@@ -163,9 +163,9 @@ class StationLink:
 
     def wait_news(self, seconds: float) -> bool:
         """Wait for a message, for `seconds` at most; return whether there is one to take."""
-        found = self._news.wait(seconds)
+        arrived = self._news.wait(seconds)
         self._news.clear()
-        return found or bool(self._waiting)
+        return arrived or bool(self._waiting)
 
     def take(self) -> list[Delivery]:
         """Return the messages since the last call, in order of arrival."""
@@ -373,10 +373,10 @@ def robots_on(joined: JoinedBus) -> list[FoundRobot]:
 
 def kind_of(sheet: Factsheet) -> AssetKind:
     """Return the asset kind of a robot, from its class or else from the actions that it offers."""
-    said = sheet.type_specification.mobile_robot_class.lower()
+    class_name = sheet.type_specification.mobile_robot_class.lower()
     named: Mapping[str, AssetKind] = {"uav": "uav", "ugv": "ugv", "robot": "robot"}
-    if said in named:
-        return named[said]
+    if class_name in named:
+        return named[class_name]
     special: tuple[AssetKind, ...] = ("uav", "ugv")
     for kind in special:
         alone = frozenset((kind,))

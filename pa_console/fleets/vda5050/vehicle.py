@@ -206,15 +206,15 @@ class Vehicle:
     def hear(self, reply: CommandReply) -> None:
         """Process the device's reply to a command."""
         for action_id in self._told:
-            known = self._known.get(action_id)
-            if known is None or known.device_id != reply.command_id:
+            taken = self._known.get(action_id)
+            if taken is None or taken.device_id != reply.command_id:
                 continue
             update = {
                 "action_status": _STATUS[reply.status],
-                "action_result": reply.detail or known.state.action_result,
+                "action_result": reply.detail or taken.state.action_result,
             }
-            state = known.state.model_copy(update=update)
-            self._known[action_id] = replace(known, state=state, answered=True)
+            state = taken.state.model_copy(update=update)
+            self._known[action_id] = replace(taken, state=state, answered=True)
             if reply.status == "refused":
                 about = (("actionId", action_id),)
                 self._refuse("INVALID_ORDER", reply.detail, about, keep=True)
@@ -222,12 +222,12 @@ class Vehicle:
     @property
     def action_states(self) -> tuple[ActionState, ...]:
         """The progress of the orders' actions, the latest last."""
-        return tuple(known.state for known in self._recent() if not known.instant)
+        return tuple(action.state for action in self._recent() if not action.instant)
 
     @property
     def instant_action_states(self) -> tuple[ActionState, ...]:
         """The progress of instant actions, the latest last."""
-        return tuple(known.state for known in self._recent() if known.instant)
+        return tuple(action.state for action in self._recent() if action.instant)
 
     @property
     def errors(self) -> tuple[Error, ...]:
@@ -264,8 +264,8 @@ class Vehicle:
         return (node,), tuple(edges)
 
     def _recent(self) -> list[_TakenAction]:
-        found = (self._known.get(action_id) for action_id in self._told)
-        return [k for k in found if k is not None and (k.answered or not self._relays)]
+        actions = (self._known.get(action_id) for action_id in self._told)
+        return [k for k in actions if k is not None and (k.answered or not self._relays)]
 
     def _misdirected(self, message: Header) -> str:
         if (message.manufacturer, message.serial_number) != self.identity:
@@ -312,11 +312,11 @@ class Vehicle:
     def _again(self, ids: Iterable[str]) -> Iterator[DeviceCommand]:
         """Yield a repeated command again, unchanged, for a device that may not have received it."""
         for action_id in ids:
-            known = self._known[action_id]
-            if not self._relays or known is None or known.command is None:
+            action = self._known[action_id]
+            if not self._relays or action is None or action.command is None:
                 continue
-            if known.state.action_status not in ENDED and known.command is not self._held_back:
-                yield known.command
+            if action.state.action_status not in ENDED and action.command is not self._held_back:
+                yield action.command
 
     def _note(
         self, action: RobotAction, status: ActionStatus, carried_by: DeviceCommand | str
@@ -326,21 +326,21 @@ class Vehicle:
             action_id=action.action_id, action_type=action.action_type, action_status=status
         )
         alone = isinstance(carried_by, str)
-        known = _TakenAction(
+        taken = _TakenAction(
             state,
             carried_by if alone else carried_by.command_id,
             instant=alone or carried_by.verb in STILL,
             command=None if alone else carried_by,
             answered=status in ENDED,
         )
-        self._remember(action.action_id, known)
+        self._remember(action.action_id, taken)
         if action.action_id in self._told:
             self._told.remove(action.action_id)
         self._told.append(action.action_id)
-        known_told = ((told, self._known.get(told)) for told in self._told)
-        ended = [t for t, k in known_told if k is None or k.state.action_status in ENDED]
-        for told in ended[:-MOST_TOLD]:
-            self._told.remove(told)
+        reported = ((action_id, self._known.get(action_id)) for action_id in self._told)
+        ended = [t for t, k in reported if k is None or k.state.action_status in ENDED]
+        for action_id in ended[:-MOST_TOLD]:
+            self._told.remove(action_id)
         del self._told[:-MOST_OPEN]
 
     def _remember(self, action_id: str, known: _TakenAction | None) -> None:

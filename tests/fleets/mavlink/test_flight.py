@@ -377,3 +377,23 @@ def test_a_drone_that_stands_at_its_frame_keeps_its_place(world: World) -> None:
     rig.ready()
     rig.order("c1", "move_to", "NorthGate")
     assert rig.target() == pytest.approx((2.0, 33.0), abs=0.02)
+
+
+def test_one_that_returns_before_its_next_step_is_answered_is_not_sent_that_step_again(
+    world: World,
+) -> None:
+    rig = Rig(world, flies=False).ready()
+    rig.order("c1", "move_to", "EastGate")
+    rig.answer(Cmd.ARM)
+    rig.answer(Cmd.TAKEOFF)
+    rig.flight.state.on_ground = False
+    rig.report(height=19.0)
+    rig.wait(1.5)
+    rig.flight.mode_changed("RETURN_TO_LAUNCH")
+    rig.flight.step()
+    assert rig.answers("c1")[-1] == "failed"
+    assert "RETURN_TO_LAUNCH by itself" in rig.detail("c1")
+    sent = len(rig.autopilot.sent)
+    rig.order("c1", "move_to", "EastGate")  # the station repeats what it heard nothing of
+    rig.wait(5.0)
+    assert len(rig.autopilot.sent) == sent

@@ -28,7 +28,7 @@ from pa_console.station.headless import run_missions
 from tests.fleets.mavlink import sitl
 from tests.fleets.mavlink.drones import on_the_earth
 from tests.fleets.mavlink.sitl import Sitl, vehicles_yaml
-from tests.fleets.mavlink.test_ardupilot import HEIGHTS, ONE, ROVER, SPEEDUP, TWO, hurried
+from tests.fleets.mavlink.test_ardupilot import HEIGHTS, ONE, ROVER, SPEEDUP, TWO
 from tests.fleets.test_example_robot import PAGE, program
 from tests.scripted import ScriptedEngine, plan
 
@@ -40,7 +40,7 @@ pytestmark = [
 ON_BUS = ("Robot_T01", "Robot_T02")
 TEAM = (ONE, TWO, ROVER, *ON_BUS)
 TARGETS = dict(
-    zip(TEAM, ("NorthGate", "WestGate", "EastGate", "EastGate", "NorthGate"), strict=True)
+    zip(TEAM, ("NorthGate", "WestGate", "EastGate", "WestGate", "NorthGate"), strict=True)
 )
 MISSIONS = (
     (f"Move {ONE} to the east gate.", plan((ONE, "move_to EastGate"))),
@@ -56,6 +56,10 @@ class MixedTeam:
 
     site: Site
     fleet: LinkedFleet
+    autopilots: list[Sitl]
+
+    def __post_init__(self) -> None:
+        self.stops = EmergencyStop(self.fleet, CommandGate(self.fleet, Journal()))
 
     def until(self, done: Callable[[], bool]) -> None:
         """Step the fleet in real time until `done`; raises TimeoutError if that takes too long."""
@@ -63,7 +67,7 @@ class MixedTeam:
         while not done():
             if time.monotonic() > end_s:
                 raise TimeoutError(str(self.fleet.picture().assets))
-            self.fleet.step()
+            self.stops.step((self.fleet.tick, self.fleet.step().replies))
             time.sleep(self.fleet.world.dt_s)
 
     def speeds(self) -> list[float]:
@@ -74,7 +78,7 @@ class MixedTeam:
 
 @pytest.fixture
 def team(world: World, address: BrokerAddress, tmp_path: Path) -> Iterator[MixedTeam]:
-    there = hurried(on_the_earth(world))
+    there = on_the_earth(world)
     world_file, vehicles_file = tmp_path / "world.yaml", tmp_path / "vehicles.yaml"
     world_file.write_text(world_yaml(there), encoding="utf-8")
     (tmp_path / "robot.py").write_text(program(), encoding="utf-8")
@@ -97,7 +101,7 @@ def team(world: World, address: BrokerAddress, tmp_path: Path) -> Iterator[Mixed
         fleet, bus = found.drive(site, None)
         assert isinstance(fleet, LinkedFleet)
         assert bus is not None
-        yield MixedTeam(site, fleet)
+        yield MixedTeam(site, fleet, autopilots)
         fleet.close()
     finally:
         for process in (*autopilots, *robots):
@@ -108,6 +112,10 @@ async def test_each_carries_out_its_missions_and_one_stop_holds_all_five(team: M
     fleet = team.fleet
     close, fleet.close = fleet.close, lambda: None
     team.until(lambda: all(fleet.picture().assets[name].available for name in TEAM))
+    for autopilot in team.autopilots:
+        station = autopilot.other_station()
+        station.set_parameter("SIM_SPEEDUP", 1.0)
+        station.close()
     links = {name: fleet.picture().links[name].partition(":")[0] for name in TEAM}
     assert links == dict.fromkeys((ONE, TWO, ROVER), "mavlink") | dict.fromkeys(ON_BUS, "mqtt")
     engine = ScriptedEngine([answer for _, answer in MISSIONS]).engine()
@@ -116,17 +124,11 @@ async def test_each_carries_out_its_missions_and_one_stop_holds_all_five(team: M
     texts = [text for text, _ in MISSIONS]
     traces = await run_missions(station, texts, approve, lambda _event, _state: None)
     assert [trace.status for trace in traces] == ["verified"] * len(MISSIONS)
-    stops = EmergencyStop(fleet, CommandGate(fleet, Journal()))
     for number, (name, target) in enumerate(TARGETS.items()):
         order = DeviceCommand(command_id=f"S.{number}", agent=name, verb="move_to", target=target)
         fleet.send(order)
     team.until(lambda: min(team.speeds()) > 0.5)
-    stops.hold_all()
-
-    def all_stopped() -> bool:
-        stops.step((fleet.tick, fleet.step().replies))
-        return not stops.waiting
-
-    team.until(all_stopped)
+    team.stops.hold_all()
+    team.until(lambda: not team.stops.waiting)
     assert max(team.speeds()) < 0.5
     fleet.close = close
