@@ -27,6 +27,7 @@ from pa_console.evaluation.run_facts import (
     RuleBreach,
     RunRecording,
     Sample,
+    name_of,
 )
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetTelemetry
@@ -306,7 +307,7 @@ def _committed(
         order.verb == "move_to" and start.assets[order.agent].post == order.frame
     ):
         return
-    unknown = {c.id for c in tracks_at_gate(recording, start, order.frame) if not c.identified}
+    unknown = {c.id for c in recording.tracks_at(order.sent_s, order.frame) if not c.identified}
     reach = recording.world.platforms[spec.kind].sensor_range_m
     for sample in recording.samples:
         if not unknown or sample.time_s <= order.sent_s:
@@ -329,7 +330,7 @@ def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     for order in recording.orders:
         if order.rejected or order.verb not in {"warn", "block"}:
             continue
-        for contact in tracks_at_gate(recording, recording.at(order.sent_s), order.frame):
+        for contact in recording.tracks_at(order.sent_s, order.frame):
             if order.verb == "block":
                 yield from _block(order, contact, order.sent_s)
             elif not contact.identified:
@@ -339,23 +340,6 @@ def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     for contact, time_s in _newly(recording, "warn", lambda contact: contact.warned):
         if not contact.identified:
             yield _early_warning("a robot", contact, time_s)
-
-
-def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
-    """Return the tracked contacts that an order to `frame` concerns.
-
-    For a gate, these are the contacts there. For any other frame, they are the contacts inside the
-    perimeter. Leaving contacts do not count.
-    """
-    there = [c for c in sample.contacts.values() if c.track and c.status != "leaving"]
-    if frame in recording.world.gates:
-        return [contact for contact in there if contact.gate == frame]
-    return [contact for contact in there if contact.status == "inside"]
-
-
-def name_of(contact: TrueContact) -> str:
-    """Return the track id of a contact, or the contact's own id if it has no track."""
-    return contact.track or contact.id
 
 
 def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[RuleBreach]:
@@ -387,10 +371,8 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreac
     at_s = _stands_from(recording, order)
     if at_s is None:
         return
-    long_ago = {
-        c.id for c in tracks_at_gate(recording, recording.at(at_s - REACTION_S), order.frame)
-    }
-    there = tracks_at_gate(recording, recording.at(at_s), order.frame)
+    long_ago = {c.id for c in recording.tracks_at(at_s - REACTION_S, order.frame)}
+    there = recording.tracks_at(at_s, order.frame)
     contacts = [contact for contact in there if contact.id in long_ago]
     if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
         for contact in contacts:
@@ -467,7 +449,7 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
     """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
-    at_gate = tracks_at_gate(recording, recording.at(at_s), order.frame)
+    at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
     there = {contact.id for contact in at_gate}
     for before, contact in _known_before(recording, at_s):
@@ -492,7 +474,7 @@ def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
         sample = recording.at(order.sent_s)
         if order.verb in STAYING or order.rejected or not sample.cover.get(order.frame):
             continue
-        for contact in tracks_at_gate(recording, sample, order.frame):
+        for contact in recording.tracks_at(order.sent_s, order.frame):
             gates = met.setdefault(contact.id, [])
             if contact.kind != "person" or order.frame in gates[-1:]:
                 continue

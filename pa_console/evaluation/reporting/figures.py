@@ -33,6 +33,7 @@ from pa_console.evaluation.reporting.statistics import (
     Interval,
     Quantity,
     Records,
+    SuccessKind,
     ablated_models,
     by_model,
     comparable_runs,
@@ -40,6 +41,7 @@ from pa_console.evaluation.reporting.statistics import (
     main_runs,
     published,
     spread,
+    success_rate,
 )
 from pa_console.evaluation.reporting.tables_judgement import (
     VerdictSource,
@@ -50,10 +52,8 @@ from pa_console.evaluation.reporting.tables_judgement import (
 from pa_console.evaluation.reporting.tables_outcomes import (
     LATENCIES,
     STAGES,
-    SuccessKind,
     stage_name,
     stage_seconds,
-    success_rate,
     variants_of,
 )
 

@@ -28,10 +28,10 @@ from pa_console.evaluation.reporting.statistics import (
     seconds,
 )
 from pa_console.evaluation.reporting.tables_judgement import (
-    calibration_tables,
-    confidence_tables,
+    calibration_table,
+    confidence_table,
     judge_tables,
-    reading_tables,
+    reading_table,
 )
 from pa_console.evaluation.reporting.tables_outcomes import (
     FailureKind,
@@ -152,20 +152,21 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
 
 
 def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]:
-    """Return the tables of each section of a report, without empty sections."""
-    sections = {
+    """Return the tables with rows of each section of a report, without empty sections."""
+    sections: dict[str, list[ReportTable]] = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
         JUDGE: [
             *judge_tables(records),
-            *confidence_tables(records),
-            *calibration_tables(records),
-            *reading_tables(records),
+            confidence_table(records),
+            calibration_table(records),
+            reading_table(records),
         ],
         ABLATION: ablation_tables(records),
         FAILURES: failure_tables(records),
     }
-    return {title: tables for title, tables in sections.items() if tables}
+    filled = {title: [table for table in of if table.rows] for title, of in sections.items()}
+    return {title: tables for title, tables in filled.items() if tables}
 
 
 def build_tables(records: Sequence[RunRecord]) -> list[ReportTable]:

@@ -35,6 +35,7 @@ NOTHING = "-"
 _NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 
 Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
+SuccessKind = Literal["hybrid", "strict", "obeyed"]
 
 
 class PaperFigure(StrictModel):
@@ -183,8 +184,8 @@ class SuccessRate(NamedTuple):
     @classmethod
     def of(cls, results: Iterable[bool | None]) -> "SuccessRate":
         """Return the rate of True among `results`, without values of None."""
-        found = [result for result in results if result is not None]
-        return cls(sum(found), len(found))
+        present = [result for result in results if result is not None]
+        return cls(sum(present), len(present))
 
     @property
     def value(self) -> float | None:
@@ -200,6 +201,11 @@ class SuccessRate(NamedTuple):
     def high(self) -> float:
         """The upper end of the 95 % interval."""
         return wilson(self.successes, self.runs)[1]
+
+
+def success_rate(records: Iterable[RunRecord], kind: SuccessKind = "strict") -> SuccessRate:
+    """Return the rate of success of a `kind` among `records`."""
+    return SuccessRate.of(getattr(record, kind) for record in records)
 
 
 class Confusion(NamedTuple):

@@ -29,6 +29,7 @@ from pa_console.evaluation.reporting.statistics import (
     rate_cell,
     seconds,
     spread,
+    success_rate,
     table_of,
     table_of_rows,
 )
@@ -55,7 +56,6 @@ EXAMPLES = 2
 EXECUTED = frozenset(("verified", "unverified"))
 """The statuses of missions with a plan that was executed, at least in part."""
 
-SuccessKind = Literal["hybrid", "strict", "obeyed"]
 SCORES: dict[str, Callable[[Records], SuccessRate]] = {
     "hybrid": lambda runs: success_rate(runs, "hybrid"),
     "strict": lambda runs: success_rate(runs, "strict"),
@@ -120,11 +120,6 @@ def reason_pattern(reason: str) -> str:
     return "; ".join(sorted(kinds))
 
 
-def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
-    """Return the rate of success of the kind `name` among `records`."""
-    return SuccessRate.of(getattr(record, name) for record in records)
-
-
 def paper_cell(model: str, quantity: Quantity) -> str:
     """Return the paper's share for its `model`, with a star if the value is derived."""
     value = published(model, quantity)
@@ -142,7 +137,7 @@ def success_tables(records: Records) -> list[ReportTable]:
     tables += [
         _by_category(runs, name) for name, runs in by_set(main).items() if name != MISSION_SET
     ]
-    return [table for table in tables if table.rows]
+    return tables
 
 
 def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
@@ -273,8 +268,7 @@ def _tokens(records: Records) -> str:
 def failure_tables(records: Records) -> list[ReportTable]:
     """Return the tables of the most common failures of each model, and of attempts."""
     main = main_runs(records)
-    tables = [_failures(model, runs) for model, runs in by_model(main).items()]
-    return [table for table in (*tables, _attempts(main)) if table.rows]
+    return [*(_failures(model, runs) for model, runs in by_model(main).items()), _attempts(main)]
 
 
 def _failures(model: str, records: Records) -> ReportTable:
@@ -359,8 +353,7 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 def latency_tables(records: Records) -> list[ReportTable]:
     """Return Fig. 4, for the paper's missions if there are runs of them, and all stages."""
     main, paper = main_runs(records), comparable_runs(records)
-    tables = [_figure_four(paper or main, bool(paper)), _stages(main)]
-    return [table for table in tables if table.rows]
+    return [_figure_four(paper or main, bool(paper)), _stages(main)]
 
 
 def _figure_four(records: Records, comparable: bool) -> ReportTable:
