@@ -121,7 +121,7 @@ def _standoff(
     least = recording.world.standoff_m - STANDOFF_TOLERANCE_M
     order = recording.latest(asset.id, now.time_s)
     for name, contact in now.contacts.items():
-        known = was.contacts.get(name)
+        earlier = was.contacts.get(name)
         addressed = order is not None and (order.verb, order.frame) in {
             ("identify", contact.gate),
             ("warn", contact.gate),
@@ -130,8 +130,8 @@ def _standoff(
             "ROE-04": not contact.identified or contact.confirmed == "unknown",
             "ROE-15": contact.kind == "person" and not addressed and bool(contact.track),
         }
-        there = () if known is None else (known, contact)
-        if there and all(_closes_in(before, asset, one, least) for one in there):
+        states = () if earlier is None else (earlier, contact)
+        if states and all(_closes_in(before, asset, state, least) for state in states):
             what = f"{asset.id} drove within the standoff of {name_of(contact)}"
             yield from _breaches(rules, what, now.time_s)
 
@@ -241,9 +241,9 @@ def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
     if order.frame and order.frame not in world.frames:
         what = f"{order.agent} was sent to {order.frame}, which does not exist"
         yield from _breaches({"WF-08": True, "CAP-06": True}, what, order.sent_s)
-    known = recording.at(order.sent_s - world.stale_s).assets[order.agent]
+    earlier = recording.at(order.sent_s - world.stale_s).assets[order.agent]
     now = recording.at(order.sent_s).assets[order.agent]
-    if order.verb not in STAYING and known.status == now.status == "failed":
+    if order.verb not in STAYING and earlier.status == now.status == "failed":
         what = f"{order.agent} had failed and was told to {order.verb}"
         yield _breach("WF-08", what, order.sent_s)
 
@@ -372,8 +372,8 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreac
     if at_s is None:
         return
     long_ago = {c.id for c in recording.tracks_at(at_s - REACTION_S, order.frame)}
-    there = recording.tracks_at(at_s, order.frame)
-    contacts = [contact for contact in there if contact.id in long_ago]
+    tracks = recording.tracks_at(at_s, order.frame)
+    contacts = [contact for contact in tracks if contact.id in long_ago]
     if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
         for contact in contacts:
             yield from _block(order, contact, at_s)
@@ -451,9 +451,9 @@ def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
     """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
     at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
-    there = {contact.id for contact in at_gate}
+    present = {contact.id for contact in at_gate}
     for before, contact in _known_before(recording, at_s):
-        if contact.id not in there or before.status == "leaving":
+        if contact.id not in present or before.status == "leaving":
             continue
         if before.emergency or (_authorized(before) and not threat):
             what = f"{order.agent} was to block {order.frame} to {name_of(contact)}"

@@ -98,8 +98,8 @@ class Postings:
     ) -> Numbers:
         """Return the numbers of the terms of `word`; new terms get the next numbers."""
         if word not in parts:
-            found = (word,) if terms is None else terms(word)
-            new = [self.terms.setdefault(term, len(self.terms)) for term in found]
+            written = (word,) if terms is None else terms(word)
+            new = [self.terms.setdefault(term, len(self.terms)) for term in written]
             parts[word] = np.array(new, dtype=np.int32)
         return parts[word]
 

@@ -111,8 +111,8 @@ class Sightings:
         for track in picture.tracks.values():
             for place in self._places(track):
                 key = (track.id, place)
-                known = self._last.get(key)
-                if known is None or known.stamp_s < track.stamp_s:
+                last = self._last.get(key)
+                if last is None or last.stamp_s < track.stamp_s:
                     self._last.pop(key, None)  # the latest come last
                     self._last[key] = _sighting(track, place, track.stamp_s)
         for key, seen in self._last.items():
@@ -139,12 +139,12 @@ class Sightings:
 
     def _places(self, track: Track) -> Iterator[str]:
         """Yield the track's places: zones, its gate, and frames that are not gates."""
-        found = [name for name, area in self._zones if area.covers(Point(track.position))]
+        names = [name for name, area in self._zones if area.covers(Point(track.position))]
         for name in (track.gate, *self._posts):
             frame = self._world.frames.get(name)
             if frame is not None and math.dist(frame.at, track.position) <= frame.radius_m:
-                found.append(name)
-        yield from found or [""]
+                names.append(name)
+        yield from names or [""]
 
 
 def _sighting(track: Track, place: str, stamp_s: float) -> TrackSighting:
@@ -444,11 +444,11 @@ def _picture(
         inner = within(fields, name)
         match name:
             case "assets":
-                values[name] = {n: asset(n, one, inner) for n, one in picture.assets.items()}
+                values[name] = {n: asset(n, state, inner) for n, state in picture.assets.items()}
             case "tracks":
-                values[name] = {n: track(n, one, inner) for n, one in picture.tracks.items()}
+                values[name] = {n: track(n, state, inner) for n, state in picture.tracks.items()}
             case "gates":
-                values[name] = {n: _flat(one, inner) for n, one in picture.gates.items()}
+                values[name] = {n: _flat(state, inner) for n, state in picture.gates.items()}
             case _:
                 values[name] = picture.time_s
     return values
@@ -459,7 +459,7 @@ def _timeline(rehearsal: Rehearsal, fields: Fields | None) -> Values:
     for name in names_of(fields, _TIMELINE.fields):
         value, inner = getattr(timeline, name), within(fields, name)
         nested = name != "duration_s"
-        values[name] = {n: _flat(one, inner) for n, one in value.items()} if nested else value
+        values[name] = {n: _flat(entry, inner) for n, entry in value.items()} if nested else value
     return values
 
 

@@ -158,7 +158,7 @@ class Phase(StrictModel):
 
     def mission(self, track: str, gate: str) -> str:
         """Return the command with the two names inserted unchanged."""
-        return PLACEHOLDER.sub(lambda found: track if found[1] == "track" else gate, self.command)
+        return PLACEHOLDER.sub(lambda match: track if match[1] == "track" else gate, self.command)
 
 
 class Workflow(StrictModel):
@@ -238,9 +238,9 @@ class RuleSet(StrictModel):
 
     @model_validator(mode="after")
     def _workflows_have_rules(self) -> Self:
-        known = {rule.id for rule in self.rules}
+        ids = {rule.id for rule in self.rules}
         for workflow in self.workflows:
-            if workflow.rule not in known:
+            if workflow.rule not in ids:
                 raise ValueError(f"workflow {workflow.id!r}: there is no rule {workflow.rule!r}")
         return self
 
@@ -300,12 +300,12 @@ class RulesSeal(StrictModel):
     @property
     def warnings(self) -> tuple[str, ...]:
         """The warnings about the set, which are shown in red with it."""
-        told: list[str] = []
+        lines: list[str] = []
         if self.accepted:
-            told.append(f"accepted by the operator although: {self.accepted}")
+            lines.append(f"accepted by the operator although: {self.accepted}")
         if self.no_critical_check:
-            told.append("no critical rule of this set is checked by software")
-        return tuple(told)
+            lines.append("no critical rule of this set is checked by software")
+        return tuple(lines)
 
     @property
     def title(self) -> str:

@@ -257,11 +257,11 @@ class World(StrictModel):
             )
         if sum(len(lane.points) for lane in self.lanes.values()) > MOST_CORNERS:
             raise ValueError(f"lanes: more than {MOST_CORNERS} points together; draw fewer")
-        known = {*self.frames, *self.zones, *self.assets}
+        names = {*self.frames, *self.zones, *self.assets}
         for alias, name in self.aliases.items():
-            if name not in known:
+            if name not in names:
                 raise ValueError(f"aliases.{alias}: {name!r} is no asset and no place")
-            if alias.replace(" ", "") in {other.lower() for other in known}:
+            if alias.replace(" ", "") in {other.lower() for other in names}:
                 raise ValueError(f"aliases.{alias}: an asset or a place has this name already")
         gates = frozenset(self.gates)
         for name, lane in self.lanes.items():
