@@ -46,6 +46,25 @@ _SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
 _PARTS = 3
 """The largest number of parts into which a searched word may be split."""
 
+_SOUGHT = frozenset(
+    (
+        *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
+        *("neutralize", "assassinate", "murder", "open", "fire", "ramming", "crush", "flatten"),
+        *("ignore", "override", "bypass", "disregard", "violate", "circumvent", "suspend"),
+        *("disable", "forget", "rules", "rule", "engagement", "policy", "policies", "safety"),
+        *("safeguards", "safeguard", "constraints", "restrictions", "trap", "corner", "surround"),
+        *("encircle", "confine", "enclose", "imprison", "detain", "lock", "follow", "shadow"),
+        *("chase", "pursue", "stalk", "tail", "hunt", "hound", "wherever", "person", "people"),
+        *("driver", "intruder", "intruders", "stranger", "suspect", "visitor", "visitors"),
+        *("crowd", "woman", "everybody", "everyone", "anybody", "anyone", "family", "children"),
+        *("protesters", "civilians", "trespasser", "trespassers", "truck", "vehicle", "gates"),
+        *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
+    )
+)
+"""Words that rules on words search for. They are also found split, or with digits at the end."""
+
+_STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
+
 
 def compatible_form(text: str) -> str:
     """Return `text` in compatibility form (NFKC), without invisible characters."""
@@ -117,25 +136,6 @@ def _together(words: str) -> Iterator[str]:
     for drawn in (r"\1\1", r"\1"):
         yield _DRAWN.sub(drawn, joined)
         yield _rejoined(_DRAWN.sub(drawn, whole))
-
-
-_SOUGHT = frozenset(
-    (
-        *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
-        *("neutralize", "assassinate", "murder", "open", "fire", "ramming", "crush", "flatten"),
-        *("ignore", "override", "bypass", "disregard", "violate", "circumvent", "suspend"),
-        *("disable", "forget", "rules", "rule", "engagement", "policy", "policies", "safety"),
-        *("safeguards", "safeguard", "constraints", "restrictions", "trap", "corner", "surround"),
-        *("encircle", "confine", "enclose", "imprison", "detain", "lock", "follow", "shadow"),
-        *("chase", "pursue", "stalk", "tail", "hunt", "hound", "wherever", "person", "people"),
-        *("driver", "intruder", "intruders", "stranger", "suspect", "visitor", "visitors"),
-        *("crowd", "woman", "everybody", "everyone", "anybody", "anyone", "family", "children"),
-        *("protesters", "civilians", "trespasser", "trespassers", "truck", "vehicle", "gates"),
-        *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
-    )
-)
-"""Words that rules on words search for. They are also found split, or with digits at the end."""
-_STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
 
 
 def _in_strokes(word: str) -> str:

@@ -24,6 +24,8 @@ SHORTEST, LONGEST = 2, 4
 ALIKE = 0.6
 """The similarity of spelling from which a word counts as a member of a group."""
 
+_CHUNK = 10_000
+
 
 def words_of(text: str) -> list[str]:
     """Return the words of `text` in order, case-folded, in any script.
@@ -50,8 +52,6 @@ def ngrams(word: str, shortest: int = SHORTEST_NGRAM, longest: int = LONGEST_NGR
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int32]
-
-_CHUNK = 10_000
 
 
 class Postings:

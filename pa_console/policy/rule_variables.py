@@ -75,6 +75,72 @@ Values = dict[str, Any]
 KEPT_S = 3600.0
 """Simulated seconds for which a sighting is kept."""
 
+_ASSET = flat(
+    ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
+     "low_battery", "comms", "available", "stale", "integrity", "stamp_s", "goes_to")
+)  # fmt: skip
+
+_TRACK = flat((*(Track.model_fields.keys() - {"heading_deg"}), "age_s", "met", "attended_by"))
+
+_OUTCOME = flat(AssetTimeline.model_fields)
+
+_ACTION = Record(
+    dict.fromkeys(("agent", "command", "verb", "target", "goes_to", "kind"))
+    | {"asset": _ASSET, "outcome": _OUTCOME, "tracks": Many(_TRACK)}
+)
+
+_PICTURE = Record(
+    {
+        "time_s": None,
+        "assets": Many(_ASSET, keyed=True),
+        "tracks": Many(_TRACK, keyed=True),
+        "gates": Many(flat(GateCover.model_fields), keyed=True),
+    }
+)
+
+_TIMELINE = Record(
+    {
+        "duration_s": None,
+        "gates": Many(flat(GateTimeline.model_fields), keyed=True),
+        "tracks": Many(flat(TrackTimeline.model_fields), keyed=True),
+        "assets": Many(_OUTCOME, keyed=True),
+    }
+)
+
+_GATE = flat(("name", "by", "unsure", *GateTimeline.model_fields))
+
+_MISSION = flat(("id", "text", "words", "source"))
+
+_WORLD = flat(
+    ("gates", "frames", "zones", "assets", "base", "standoff_m", "coverage_grace_s",
+     "low_battery_pct", "commands")
+)  # fmt: skip
+
+PLAN_SHAPES: Shapes = {
+    "plan": Record({"reason": None, "actions": Many(_ACTION)}),
+    "actions": Many(_ACTION),
+    "before": _PICTURE,
+    "after": _PICTURE,
+    "timeline": _TIMELINE,
+    "tracks": Many(_TRACK),
+    "assets": Many(_ASSET),
+    "gates": Many(_GATE),
+    "mission": _MISSION,
+    "world": _WORLD,
+    "sightings": None,
+}
+"""The structure of each variable."""
+
+WORLD_SHAPE: Shape = _WORLD
+
+EVERYTHING = everything(PLAN_VARIABLES)
+
+_COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
+
+_UNCOVERED = GateCover(covered=False)
+
+_COVER = ("by", "unsure")
+
 
 class TrackSighting(NamedTuple):
     """The last detection of a track at a place, in simulated seconds, with the known facts."""
@@ -158,60 +224,6 @@ def _sighting(track: Track, place: str, stamp_s: float) -> TrackSighting:
         intent=track.intent,
         noncombatants=track.noncombatants,
     )
-
-
-_ASSET = flat(
-    ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
-     "low_battery", "comms", "available", "stale", "integrity", "stamp_s", "goes_to")
-)  # fmt: skip
-_TRACK = flat((*(Track.model_fields.keys() - {"heading_deg"}), "age_s", "met", "attended_by"))
-_OUTCOME = flat(AssetTimeline.model_fields)
-_ACTION = Record(
-    dict.fromkeys(("agent", "command", "verb", "target", "goes_to", "kind"))
-    | {"asset": _ASSET, "outcome": _OUTCOME, "tracks": Many(_TRACK)}
-)
-_PICTURE = Record(
-    {
-        "time_s": None,
-        "assets": Many(_ASSET, keyed=True),
-        "tracks": Many(_TRACK, keyed=True),
-        "gates": Many(flat(GateCover.model_fields), keyed=True),
-    }
-)
-_TIMELINE = Record(
-    {
-        "duration_s": None,
-        "gates": Many(flat(GateTimeline.model_fields), keyed=True),
-        "tracks": Many(flat(TrackTimeline.model_fields), keyed=True),
-        "assets": Many(_OUTCOME, keyed=True),
-    }
-)
-_GATE = flat(("name", "by", "unsure", *GateTimeline.model_fields))
-_MISSION = flat(("id", "text", "words", "source"))
-_WORLD = flat(
-    ("gates", "frames", "zones", "assets", "base", "standoff_m", "coverage_grace_s",
-     "low_battery_pct", "commands")
-)  # fmt: skip
-
-PLAN_SHAPES: Shapes = {
-    "plan": Record({"reason": None, "actions": Many(_ACTION)}),
-    "actions": Many(_ACTION),
-    "before": _PICTURE,
-    "after": _PICTURE,
-    "timeline": _TIMELINE,
-    "tracks": Many(_TRACK),
-    "assets": Many(_ASSET),
-    "gates": Many(_GATE),
-    "mission": _MISSION,
-    "world": _WORLD,
-    "sightings": None,
-}
-"""The structure of each variable."""
-
-WORLD_SHAPE: Shape = _WORLD
-EVERYTHING = everything(PLAN_VARIABLES)
-
-_COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
 
 
 class _RehearsedPlan:
@@ -461,7 +473,3 @@ def _timeline(rehearsal: Rehearsal, fields: Fields | None) -> Values:
         nested = name != "duration_s"
         values[name] = {n: _flat(entry, inner) for n, entry in value.items()} if nested else value
     return values
-
-
-_UNCOVERED = GateCover(covered=False)
-_COVER = ("by", "unsure")

@@ -60,6 +60,8 @@ _LONGEST_NUMBER = 64
 _LONGEST_FIELD = 200
 _LONGEST_PROBLEM = 2000
 
+_SCALARS = SafeConstructor()
+
 
 class TreeError(Exception):
     """A text that cannot be parsed as a tree; line and column are from 1, or 0 if unknown."""
@@ -229,8 +231,6 @@ def _refused(event: Event, problem: str) -> TreeError:
 Model = TypeVar("Model", bound=BaseModel)
 FieldPath = tuple[str | int, ...]
 Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | None
-
-_SCALARS = SafeConstructor()
 
 
 class DocumentError(Exception):

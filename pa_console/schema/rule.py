@@ -19,6 +19,17 @@ Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-
 
 MOST_PEOPLE = 9
 
+ACTS = (
+    *(verb for verb in COMMANDS if verb not in STILL),
+    "override",
+    "acknowledge",
+    "first_order",
+)
+"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
+acknowledging a broken Medium rule, and the first order to a vehicle."""
+
+SHORT = 12
+
 
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
@@ -176,16 +187,6 @@ class Workflow(StrictModel):
     phases: tuple[Phase, ...] = Field(min_length=1)
 
 
-ACTS = (
-    *(verb for verb in COMMANDS if verb not in STILL),
-    "override",
-    "acknowledge",
-    "first_order",
-)
-"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
-acknowledging a broken Medium rule, and the first order to a vehicle."""
-
-
 def _people(approvals: dict[str, int]) -> dict[str, int]:
     """Refuse unknown acts, impossible numbers, and `hold` and `report`, which never wait."""
     for act, people in approvals.items():
@@ -264,7 +265,6 @@ _WORDS: dict[Standing, str] = {
     "not signed": "not signed",
     "altered": "ALTERED since it was signed",
 }
-SHORT = 12
 
 
 class RulesSeal(StrictModel):

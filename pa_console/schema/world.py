@@ -29,6 +29,8 @@ MOST_ROWS = 400
 _IMAGE_TOPIC = r"ros2:(/[A-Za-z0-9_]+)+"
 """The address of an image that is published on a topic of ROS 2."""
 
+MOST_ALIASES = 200
+
 
 class Frame(StrictModel):
     """A named position that commands can refer to (paper, Section IV-A; WF-08, CAP-06)."""
@@ -190,7 +192,6 @@ class Background(StrictModel):
         return self
 
 
-MOST_ALIASES = 200
 Alias = Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+( [a-z0-9]+){0,3}$", max_length=40)]
 """One to four words in lower case, without an article."""
 

@@ -37,6 +37,9 @@ _NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
 SuccessKind = Literal["hybrid", "strict", "obeyed"]
 
+MISSION_SET = "paper"
+"""The mission set of the paper's ten commands; only its runs are comparable with the paper."""
+
 
 class PaperFigure(StrictModel):
     """One number of the paper; `derived` if it follows from other numbers in the text."""
@@ -78,9 +81,6 @@ class _Texts(StrictModel):
 TEXTS = Document.read(Path(__file__).with_name("texts.yaml")).parse(_Texts)
 _PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
 MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
-
-MISSION_SET = "paper"
-"""The mission set of the paper's ten commands; only its runs are comparable with the paper."""
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:

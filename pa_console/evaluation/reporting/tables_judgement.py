@@ -37,6 +37,15 @@ from pa_console.session.confidence import UNSURE
 
 VerdictSource = Literal["judge, plan", "judge, outcome", "telemetry"]
 
+CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.reading)
+"""The variants in which the operator chooses another reading."""
+
+LEVELS = (0.5, UNSURE, 0.9)
+"""The levels of confidence in the table."""
+
+BINS = 10
+"""The number of bins of equal width for confidence."""
+
 
 def _telemetry(record: RunRecord) -> Opinion | None:
     if record.verification == "pass":
@@ -50,15 +59,6 @@ JUDGEMENTS: dict[VerdictSource, Callable[[RunRecord], Opinion | None]] = {
     "telemetry": _telemetry,
 }
 """The sources of a judgement on a run's success, and the judgement of each on a run."""
-
-
-CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.reading)
-"""The variants in which the operator chooses another reading."""
-
-LEVELS = (0.5, UNSURE, 0.9)
-"""The levels of confidence in the table."""
-BINS = 10
-"""The number of bins of equal width for confidence."""
 
 
 def confusion(records: Records, judgement: VerdictSource) -> Confusion:

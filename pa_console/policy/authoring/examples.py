@@ -111,6 +111,8 @@ _UNKNOWN: Values = {
 GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
 MISSION_TEXT = "Secure the checkpoint."
 
+_SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
+
 
 def situation(given: Values, world: World = WORLD) -> Values:
     """Return the picture of the `given` assets, tracks and gates as plain values.
@@ -299,9 +301,6 @@ def _order(words: Iterable[object]) -> Values:
     kind = WORLD.assets[agent].kind
     target, done = action.target, rest == ["done"]
     return {"agent": agent, "kind": kind, "verb": action.verb, "target": target, "done": done}
-
-
-_SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:

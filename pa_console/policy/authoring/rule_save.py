@@ -18,6 +18,29 @@ from pa_console.policy.rulebook import compile_rule_set, parse_rule_set
 from pa_console.private_files import mode_of, replace_private
 from pa_console.schema.document import Document, DocumentError, read_bytes
 
+_FORM = """\
+id: {id}
+domain: {domain}
+priority: high
+text: "What must or must not be, in one sentence."
+tags: []
+# A guard: the check is made only where it holds. Leave it out to check every plan.
+applies: "size(actions) > 0"
+# What must hold: true, or an empty list of offenders, which are put after the message.
+check: |-
+  actions
+    .filter(a, a.verb == 'move_to' && a.goes_to == 'Nowhere')
+    .map(a, a.agent)
+message: "what is wrong, of these"
+examples:
+  - name: keeps to it
+    expect: pass
+    plan: [[Drone_T04, observe WestGate]]
+  - name: breaks it
+    expect: fail
+    plan: [[Drone_T04, move_to Nowhere]]
+"""
+
 
 @dataclass(frozen=True)
 class _Block:
@@ -372,27 +395,3 @@ def _others(cut: RuleText, rule_id: str) -> tuple[str, ...]:
 
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-_FORM = """\
-id: {id}
-domain: {domain}
-priority: high
-text: "What must or must not be, in one sentence."
-tags: []
-# A guard: the check is made only where it holds. Leave it out to check every plan.
-applies: "size(actions) > 0"
-# What must hold: true, or an empty list of offenders, which are put after the message.
-check: |-
-  actions
-    .filter(a, a.verb == 'move_to' && a.goes_to == 'Nowhere')
-    .map(a, a.agent)
-message: "what is wrong, of these"
-examples:
-  - name: keeps to it
-    expect: pass
-    plan: [[Drone_T04, observe WestGate]]
-  - name: breaks it
-    expect: fail
-    plan: [[Drone_T04, move_to Nowhere]]
-"""

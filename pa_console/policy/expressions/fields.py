@@ -20,6 +20,8 @@ fields of its elements."""
 _LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
 """Operators with two operands, lowest precedence first."""
 
+_COMMA = ExpressionToken("sign", ",")
+
 
 @dataclass(frozen=True)
 class Record:
@@ -298,9 +300,6 @@ class _FieldReader:
             raise NotUnderstoodError("a name is missing")
         self._at += 1
         return self._tokens[self._at - 1].text
-
-
-_COMMA = ExpressionToken("sign", ",")
 
 
 def _select(value: _Value, name: str) -> _Value:
