@@ -48,7 +48,7 @@ def effect_on_session(
     the rules of the session. A finding that they do not reproduce is a gap, not a change. Without
     `was`, broken orderings of a running plan are not compared. Errors of `events` are passed on.
     """
-    return _Session(world, new, was, has_old=was is not None).follow(events)
+    return _Session(world, new, was).follow(events)
 
 
 def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
@@ -57,7 +57,7 @@ def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> Se
     `own` are the rules at the start of the session; later rules are in its log. Errors of `events`
     are passed on.
     """
-    return _Session(world, None, own, has_old=False).follow(events)
+    return _Session(world, None, own).follow(events)
 
 
 @dataclass
@@ -78,9 +78,7 @@ class _Work:
 class _Session:
     """A recorded session whose decisions are repeated and compared, event by event."""
 
-    def __init__(
-        self, world: World, new: Rulebook | None, own: Rulebook | None, *, has_old: bool
-    ) -> None:
+    def __init__(self, world: World, new: Rulebook | None, own: Rulebook | None) -> None:
         """Start before the first event of a session in `world`.
 
         Decisions are repeated under `new`, and under `own`, the rules at the start of the session.
@@ -88,7 +86,8 @@ class _Session:
         """
         self._effect = SessionEffect()
         self._state = SessionState()
-        self._world, self._new, self._own, self._has_old = world, new, own, has_old
+        self._world, self._new, self._own = world, new, own
+        self._has_old = new is not None and own is not None
         self._sightings = Sightings(world)
         self._work: dict[str, _Work] = {}
         self._checked: dict[tuple[str, int], Findings] = {}
