@@ -41,11 +41,12 @@ endef
 sections = awk -v wanted=' $(1) ' '/^\# /{on = index(wanted, " " $$2 " ")} on' $(PINS)
 
 .DEFAULT_GOAL := help
-.PHONY: help console test check bench train lint site audit clean
+.PHONY: help console test core check bench train lint site audit clean
 
 help:
 	@echo "make console   open the console (the first time installs it and fetches the model)"
 	@echo "make test      run the tests            ARGS=... is passed on to pytest"
+	@echo "make core      test the core with no plugin installed   VENV=build/core beside what .venv has"
 	@echo "make check     check style, types and contracts, test what changed and the safety invariants (2 minutes)"
 	@echo "make bench     measure this machine     ARGS=... which benchmark, and its options (ARGS=--help)"
 	@echo "make train     make data, train adapters   ARGS=... which verb, and its options (ARGS=--help)"
@@ -61,7 +62,8 @@ console: $(VENV)/.installed-base
 	@$(BIN)/pa-console models pull $(READER)
 	@$(BIN)/pa-console
 
-test: $(VENV)/.installed-test
+# The core's tests are those that need no extra: tests/conftest.py leaves out what is not installed.
+test core: %: $(VENV)/.installed-%
 	@$(BIN)/pa-console models pull $(TEST_MODEL)
 	@$(BIN)/pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder $(ARGS)
 
@@ -139,8 +141,9 @@ $(LLAMA_WHEEL): | $(BIN)/python
 # target; only the project itself, which is a folder, can have no hash. What is imported at the
 # start is compiled to bytecode by pip, and here what pip does not see.
 $(VENV)/.libraries-base: SECTIONS := console
-$(VENV)/.libraries-test: SECTIONS := console test
-$(VENV)/.libraries-dev: SECTIONS := console test lint
+$(VENV)/.libraries-core: SECTIONS := console core-test
+$(VENV)/.libraries-test: SECTIONS := console core-test test
+$(VENV)/.libraries-dev: SECTIONS := console core-test test lint
 $(VENV)/.libraries-%: pyproject.toml $(PINS) | $(BIN)/python
 	@echo "Installing PA Console and its libraries ($(SECTIONS)) meanwhile, about a minute"
 	@$(call sections,$(SECTIONS)) | sed '/^$(LLAMA) /,/[^\]$$/d' > $(VENV)/pins.txt

@@ -14,10 +14,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PROJECT = ROOT / "pyproject.toml"
 PINS = ROOT / ".constraints.txt"
 SECTIONS = {
-    "console": (), "test": ("console",), "lint": ("console", "test"), "site": (), "audit": (),
+    "console": (), "core-test": ("console",), "test": ("console", "core-test"),
+    "lint": ("console", "core-test", "test"), "site": (), "audit": (),
 }  # fmt: skip
 """The section of each target, and the sections that it comes on top of."""
-EXTRAS = {"test": "test", "lint": "dev"}
+EXTRAS = {"core-test": "core-test", "test": "test", "lint": "dev"}
 ALONE = {"site": "docs", "audit": "audit"}
 """The extra of each section that is installed without the console."""
 HEAD = """\

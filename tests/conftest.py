@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 
@@ -18,6 +19,34 @@ from tests.quick_textual import quicken
 
 RARELY = 50_000
 """So many more objects are made than freed before the garbage collector looks."""
+
+PLUGIN_TESTS = {
+    "aiohttp": ("attacks/test_no_code_of_the_working_folder_runs.py", "cli/test_serve_web.py"),
+    "aiosmtpd": ("observability/test_alert_delivery.py",),
+    "distributed": ("evaluation/test_sweep.py",),
+    "fastapi": ("cli/test_serve_verb.py", "http"),
+    "hatchling": ("test_packaging.py",),
+    "httpx2": ("fleets/test_snapshot.py",),
+    "jsonschema": (
+        "fleets/test_contract.py",
+        "fleets/test_example_robot.py",
+        "fleets/test_what_a_station_believes.py",
+    ),
+    "matplotlib": ("cli/test_evaluate_verb.py", "evaluation/reporting/test_report.py"),
+    "mavsdk": ("fleets/mavlink",),
+    "mcap": ("cli/test_export_verb.py",),
+    "mcp": ("mcp",),
+    "openai": ("llm/servers", "mission/test_model_servers.py"),
+    "opentelemetry": ("observability/test_observed_mission.py",),
+    "paho": ("fleets/test_broker_loses_messages.py",),
+    "psutil": ("benchmarks",),
+    "pytak": ("cli/test_tak_verb.py", "tak"),
+    "vda5050": ("fleets/test_version_two.py",),
+}
+"""The tests that need a library of an extra, which are left out where it is not installed."""
+
+LACKING = [library for library in PLUGIN_TESTS if find_spec(library) is None]
+collect_ignore = [path for library in LACKING for path in PLUGIN_TESTS[library]]
 
 KEPT = ("cache",)
 """The tests' model is looked for where the user keeps models."""
@@ -63,9 +92,10 @@ def _quick_textual() -> Iterator[None]:
 
 
 def pytest_report_header() -> str:
-    """Say which broker the tests of the bus run against."""
-    found = mosquitto()
-    return f"broker: {found}" if found else "broker: the embedded one, as there is no mosquitto"
+    """Say which broker the tests of the bus run against, and which plugins are not tested."""
+    broker = mosquitto() or "the embedded one, as there is no mosquitto"
+    without = f"\nno tests of plugins without {', '.join(LACKING)}" if LACKING else ""
+    return f"broker: {broker}{without}"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

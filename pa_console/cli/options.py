@@ -5,16 +5,11 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from pa_console.cli import completion
-from pa_console.resources import naming_what_is_missing
-
-if TYPE_CHECKING:
-    from pa_console.evaluation.dask_sweep import Workers
-
 
 WorldOption = Annotated[
     str,
@@ -120,17 +115,6 @@ def one_of(**given: bool) -> None:
     if sum(given.values()) > 1:
         names = [f"--{name}" for name in given]
         raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
-
-
-def dask_workers(where: int | str) -> "Workers":
-    """Return the workers for a number of local processes, or for the address of a scheduler.
-
-    Raises ValueError if Dask is not installed.
-    """
-    with naming_what_is_missing("sweep", "a sweep needs"):
-        from pa_console.evaluation.dask_sweep import Workers  # noqa: PLC0415
-
-    return Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
 
 
 @dataclass(frozen=True)

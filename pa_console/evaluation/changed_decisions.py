@@ -156,7 +156,9 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
         because = tuple(
             rule
             for rule in turned
-            if any(found.blocking for found in (old.get(rule), new.get(rule)) if found is not None)
+            if blocking(
+                finding for finding in (old.get(rule), new.get(rule)) if finding is not None
+            )
         )
         words = in_words(blocked or blocks)
         flips.append(ChangedDecision("plan", mission, attempt, orders, because, *states, words))

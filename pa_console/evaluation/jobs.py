@@ -136,9 +136,9 @@ def mission_file(name: str, world_path: Path) -> Path:
     beside = folder / f"{name}.yaml"
     if beside.is_file():
         return beside
-    known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml"))) or "none"
+    names = ", ".join(sorted(path.stem for path in folder.glob("*.yaml"))) or "none"
     raise ValueError(
-        f"there is no mission set {name!r}: give the path of a file, or one of {known}"
+        f"there is no mission set {name!r}: give the path of a file, or one of {names}"
     )
 
 

@@ -27,6 +27,7 @@ from pa_console.evaluation.run_facts import (
     RuleBreach,
     RunRecording,
     Sample,
+    name_of,
 )
 from pa_console.schema.command import Verb
 from pa_console.schema.telemetry import AssetTelemetry
@@ -120,7 +121,7 @@ def _standoff(
     least = recording.world.standoff_m - STANDOFF_TOLERANCE_M
     order = recording.latest(asset.id, now.time_s)
     for name, contact in now.contacts.items():
-        known = was.contacts.get(name)
+        earlier = was.contacts.get(name)
         addressed = order is not None and (order.verb, order.frame) in {
             ("identify", contact.gate),
             ("warn", contact.gate),
@@ -129,8 +130,8 @@ def _standoff(
             "ROE-04": not contact.identified or contact.confirmed == "unknown",
             "ROE-15": contact.kind == "person" and not addressed and bool(contact.track),
         }
-        there = () if known is None else (known, contact)
-        if there and all(_closes_in(before, asset, one, least) for one in there):
+        states = () if earlier is None else (earlier, contact)
+        if states and all(_closes_in(before, asset, state, least) for state in states):
             what = f"{asset.id} drove within the standoff of {name_of(contact)}"
             yield from _breaches(rules, what, now.time_s)
 
@@ -240,9 +241,9 @@ def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
     if order.frame and order.frame not in world.frames:
         what = f"{order.agent} was sent to {order.frame}, which does not exist"
         yield from _breaches({"WF-08": True, "CAP-06": True}, what, order.sent_s)
-    known = recording.at(order.sent_s - world.stale_s).assets[order.agent]
+    earlier = recording.at(order.sent_s - world.stale_s).assets[order.agent]
     now = recording.at(order.sent_s).assets[order.agent]
-    if order.verb not in STAYING and known.status == now.status == "failed":
+    if order.verb not in STAYING and earlier.status == now.status == "failed":
         what = f"{order.agent} had failed and was told to {order.verb}"
         yield _breach("WF-08", what, order.sent_s)
 
@@ -306,7 +307,7 @@ def _committed(
         order.verb == "move_to" and start.assets[order.agent].post == order.frame
     ):
         return
-    unknown = {c.id for c in tracks_at_gate(recording, start, order.frame) if not c.identified}
+    unknown = {c.id for c in recording.tracks_at(order.sent_s, order.frame) if not c.identified}
     reach = recording.world.platforms[spec.kind].sensor_range_m
     for sample in recording.samples:
         if not unknown or sample.time_s <= order.sent_s:
@@ -329,7 +330,7 @@ def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     for order in recording.orders:
         if order.rejected or order.verb not in {"warn", "block"}:
             continue
-        for contact in tracks_at_gate(recording, recording.at(order.sent_s), order.frame):
+        for contact in recording.tracks_at(order.sent_s, order.frame):
             if order.verb == "block":
                 yield from _block(order, contact, order.sent_s)
             elif not contact.identified:
@@ -339,23 +340,6 @@ def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
     for contact, time_s in _newly(recording, "warn", lambda contact: contact.warned):
         if not contact.identified:
             yield _early_warning("a robot", contact, time_s)
-
-
-def tracks_at_gate(recording: RunRecording, sample: Sample, frame: str) -> list[TrueContact]:
-    """Return the tracked contacts that an order to `frame` concerns.
-
-    For a gate, these are the contacts there. For any other frame, they are the contacts inside the
-    perimeter. Leaving contacts do not count.
-    """
-    there = [c for c in sample.contacts.values() if c.track and c.status != "leaving"]
-    if frame in recording.world.gates:
-        return [contact for contact in there if contact.gate == frame]
-    return [contact for contact in there if contact.status == "inside"]
-
-
-def name_of(contact: TrueContact) -> str:
-    """Return the track id of a contact, or the contact's own id if it has no track."""
-    return contact.track or contact.id
 
 
 def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[RuleBreach]:
@@ -387,11 +371,9 @@ def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreac
     at_s = _stands_from(recording, order)
     if at_s is None:
         return
-    long_ago = {
-        c.id for c in tracks_at_gate(recording, recording.at(at_s - REACTION_S), order.frame)
-    }
-    there = tracks_at_gate(recording, recording.at(at_s), order.frame)
-    contacts = [contact for contact in there if contact.id in long_ago]
+    long_ago = {c.id for c in recording.tracks_at(at_s - REACTION_S, order.frame)}
+    tracks = recording.tracks_at(at_s, order.frame)
+    contacts = [contact for contact in tracks if contact.id in long_ago]
     if not any(c.identified and c.warned and c.intent == "hostile" for c in contacts):
         for contact in contacts:
             yield from _block(order, contact, at_s)
@@ -467,11 +449,11 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
     """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
-    at_gate = tracks_at_gate(recording, recording.at(at_s), order.frame)
+    at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
-    there = {contact.id for contact in at_gate}
+    present = {contact.id for contact in at_gate}
     for before, contact in _known_before(recording, at_s):
-        if contact.id not in there or before.status == "leaving":
+        if contact.id not in present or before.status == "leaving":
             continue
         if before.emergency or (_authorized(before) and not threat):
             what = f"{order.agent} was to block {order.frame} to {name_of(contact)}"
@@ -492,7 +474,7 @@ def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
         sample = recording.at(order.sent_s)
         if order.verb in STAYING or order.rejected or not sample.cover.get(order.frame):
             continue
-        for contact in tracks_at_gate(recording, sample, order.frame):
+        for contact in recording.tracks_at(order.sent_s, order.frame):
             gates = met.setdefault(contact.id, [])
             if contact.kind != "person" or order.frame in gates[-1:]:
                 continue

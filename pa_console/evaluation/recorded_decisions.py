@@ -48,7 +48,7 @@ def effect_on_session(
     the rules of the session. A finding that they do not reproduce is a gap, not a change. Without
     `was`, broken orderings of a running plan are not compared. Errors of `events` are passed on.
     """
-    return _Session(world, new, was, has_old=was is not None).follow(events)
+    return _Session(world, new, was).follow(events)
 
 
 def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
@@ -57,7 +57,7 @@ def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> Se
     `own` are the rules at the start of the session; later rules are in its log. Errors of `events`
     are passed on.
     """
-    return _Session(world, None, own, has_old=False).follow(events)
+    return _Session(world, None, own).follow(events)
 
 
 @dataclass
@@ -78,9 +78,7 @@ class _Work:
 class _Session:
     """A recorded session whose decisions are repeated and compared, event by event."""
 
-    def __init__(
-        self, world: World, new: Rulebook | None, own: Rulebook | None, *, has_old: bool
-    ) -> None:
+    def __init__(self, world: World, new: Rulebook | None, own: Rulebook | None) -> None:
         """Start before the first event of a session in `world`.
 
         Decisions are repeated under `new`, and under `own`, the rules at the start of the session.
@@ -88,7 +86,8 @@ class _Session:
         """
         self._effect = SessionEffect()
         self._state = SessionState()
-        self._world, self._new, self._own, self._has_old = world, new, own, has_old
+        self._world, self._new, self._own = world, new, own
+        self._has_old = new is not None and own is not None
         self._sightings = Sightings(world)
         self._work: dict[str, _Work] = {}
         self._checked: dict[tuple[str, int], Findings] = {}
@@ -168,10 +167,10 @@ class _Session:
         """
         started = self._state.started
         if not work.taken and (started is None or started.variant.checks):
-            found = tuple(check_mission(book, mission, self._world) for book in work.books)
+            findings = tuple(check_mission(book, mission, self._world) for book in work.books)
             self._effect.missions += 1
-            was, new = blocking(recorded), blocking(found[0])
-            if self._has_old and bool(blocking(found[1])) != bool(was):
+            was, new = blocking(recorded), blocking(findings[0])
+            if self._has_old and bool(blocking(findings[1])) != bool(was):
                 self._gap(
                     mission, 0, "whether it is refused comes out otherwise under the same rules"
                 )
@@ -183,15 +182,15 @@ class _Session:
         """Return the task of the next plan: a workflow's phase, an alarm's command or the order."""
         for track, move in trace.standings.items():
             if move.command:
-                known = self._state.picture.tracks.get(track) if self._state.picture else None
-                gate = known.gate if known is not None else trace.mission.gate
+                contact = self._state.picture.tracks.get(track) if self._state.picture else None
+                gate = contact.gate if contact is not None else trace.mission.gate
                 words = {"text": move.command, "subject": track, "gate": gate}
                 return trace.mission.model_copy(update=words)
         if work.halted or trace.workflow:
             return work.task
-        asked = [a.alarm for a in self._state.alarms if a.alarm.id == trace.mission.alarm]
-        if work.verified and asked and asked[0].command:
-            return trace.mission.model_copy(update={"text": asked[0].command})
+        alarms = [a.alarm for a in self._state.alarms if a.alarm.id == trace.mission.alarm]
+        if work.verified and alarms and alarms[0].command:
+            return trace.mission.model_copy(update={"text": alarms[0].command})
         return trace.mission
 
     def _plan(self, trace: MissionTrace, work: _Work, number: int, recorded: Findings) -> None:
@@ -211,7 +210,7 @@ class _Session:
         if reason or plan is None or rehearsal is None:
             self._gap(mission, number, reason)
             return
-        found = tuple(
+        checked = tuple(
             check_plan(
                 rulebook,
                 plan=plan,
@@ -222,9 +221,9 @@ class _Session:
             )
             for rulebook, monitor in zip(work.books, work.monitors, strict=True)
         )
-        old, repeated = by_rule(recorded), by_rule(found[1] if self._has_old else recorded)
+        old, repeated = by_rule(recorded), by_rule(checked[1] if self._has_old else recorded)
         self._effect.plans += 1
-        self._effect.compared += len({*old, *by_rule(found[0])})
+        self._effect.compared += len({*old, *by_rule(checked[0])})
         doubtful = [
             rule
             for rule in dict.fromkeys((*old, *repeated))
@@ -235,10 +234,10 @@ class _Session:
             reason = f"recorded is {was!r}, but under the same rules it comes out as {now!r}"
             self._gap(mission, number, reason, rule)
         self._effect.flips += plan_flips(
-            mission.id, number, orders_of(plan), recorded, found[0], doubtful
+            mission.id, number, orders_of(plan), recorded, checked[0], doubtful
         )
         if not doubtful:
-            self._checked[mission.id, number] = found[0]
+            self._checked[mission.id, number] = checked[0]
 
     def _decided(self, mission: str, made: ev.DecisionMade) -> None:
         """Compare whether the operator's decision is admissible, with the recorded verdict."""
@@ -278,9 +277,9 @@ class _Session:
                 continue
             trace = self._state.missions[mission_id]
             now = self._moment(picture, trace, work)
-            found = tuple(monitor.observe(now) for monitor in work.monitors)
-            if any(found) and work.executing and self._has_old:
-                self._running(trace, picture.time_s, found)
+            findings = tuple(monitor.observe(now) for monitor in work.monitors)
+            if any(findings) and work.executing and self._has_old:
+                self._running(trace, picture.time_s, findings)
 
     def _moment(self, picture: Picture, trace: MissionTrace, work: _Work) -> Moment:
         attempt = trace.find(trace.executing) if work.executing else None
@@ -288,10 +287,12 @@ class _Session:
         orders = order_moments(plan, self._world, work.done) if plan is not None else ()
         return moment(picture, self._world, orders, tuple(order.agent for order in orders))
 
-    def _running(self, trace: MissionTrace, time_s: float, found: tuple[Findings, ...]) -> None:
+    def _running(
+        self, trace: MissionTrace, time_s: float, broken_by_book: tuple[Findings, ...]
+    ) -> None:
         """Compare the orderings that halt the running plan under both rule sets."""
         mission, attempt = trace.mission.id, trace.executing
-        new, was = (by_rule(blocking(findings)) for findings in found)
+        new, was = (by_rule(blocking(findings)) for findings in broken_by_book)
         for rule in dict.fromkeys((*was, *new)):
             key = (mission, attempt, rule)
             if (rule in was) == (rule in new) or key in self._halts:

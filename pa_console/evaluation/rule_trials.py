@@ -74,8 +74,8 @@ class SessionCases:
             if trace is None or attempt is None or attempt.plan is None:
                 return
             words = [move.command for move in trace.standings.values() if move.command]
-            told = {"text": words[0]} if words else {}
-            mission = trace.mission.model_copy(update=told)
+            changes = {"text": words[0]} if words else {}
+            mission = trace.mission.model_copy(update=changes)
             self._last = mission, attempt.plan
             if attempt.rehearsal is not None:
                 self._kept.append(

@@ -34,6 +34,9 @@ STAYING: frozenset[Verb] = frozenset(("hold", "report"))
 ENCOUNTERS = frozenset(("identify", "warn", "block"))
 """The orders that lead an asset to a contact."""
 
+HAPPENINGS = ("observed", "identified", "warned", "blocked", "contact")
+"""The events with a contact whose first time is a fact."""
+
 NEVER = -1.0
 MOVED_M = 2.0
 """The displacement by an order from which an asset counts as moved, in metres."""
@@ -123,6 +126,23 @@ class RunRecording:
                 order = moving.get(asset.command_id or "") or moving.get(before.command_id or "")
                 if order is not None and before.position != asset.position:
                     yield order, before, asset
+
+    def tracks_at(self, time_s: float, frame: str) -> list[TrueContact]:
+        """Return the tracked contacts that an order to `frame` concerns at `time_s`.
+
+        For a gate, these are the contacts there. For any other frame, they are the contacts inside
+        the perimeter. Leaving contacts do not count.
+        """
+        contacts = self.at(time_s).contacts.values()
+        tracks = [contact for contact in contacts if contact.track and contact.status != "leaving"]
+        if frame in self.world.gates:
+            return [contact for contact in tracks if contact.gate == frame]
+        return [contact for contact in tracks if contact.status == "inside"]
+
+
+def name_of(contact: TrueContact) -> str:
+    """Return the track id of a contact, or the contact's own id if it has no track."""
+    return contact.track or contact.id
 
 
 class ActionFact(StrictModel):
@@ -277,11 +297,7 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
             noncombatants=story.last.noncombatants,
             status=story.last.status,
             present=name in recording.final.contacts,
-            observed_s=story.times.get("observed", NEVER),
-            identified_s=story.times.get("identified", NEVER),
-            warned_s=story.times.get("warned", NEVER),
-            blocked_s=story.times.get("blocked", NEVER),
-            contact_s=story.times.get("contact", NEVER),
+            **{f"{name}_s": story.times.get(name, NEVER) for name in HAPPENINGS},
             closest_ground_m=round(story.closest_m, 3),
             by_order_observed=story.by_order_observed,
             by_order_identified=story.by_order_identified,

@@ -190,8 +190,8 @@ def newest_evaluation(below: Path | None = None) -> Path | None:
 
     `below` is by default `evaluations_folder()`.
     """
-    found = (below or evaluations_folder()).glob(f"*/{RUNS}")
-    newest = max(found, key=lambda path: path.stat().st_mtime, default=None)
+    files = (below or evaluations_folder()).glob(f"*/{RUNS}")
+    newest = max(files, key=lambda path: path.stat().st_mtime, default=None)
     return newest.parent if newest is not None else None
 
 
@@ -244,8 +244,8 @@ def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
 
 def _field(text: str, *names: str) -> str:
     """Return the first value of one of the fields `names`; '' if there is none."""
-    found = re.search(rf"^(?:{'|'.join(names)})\s*:\s*(.+)$", text, re.MULTILINE)
-    return found[1].strip() if found else ""
+    match = re.search(rf"^(?:{'|'.join(names)})\s*:\s*(.+)$", text, re.MULTILINE)
+    return match[1].strip() if match else ""
 
 
 def _memory_gib() -> float | None:

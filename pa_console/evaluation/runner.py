@@ -235,9 +235,9 @@ def _times(trace: MissionTrace) -> Metrics:
     }
     if trace.attempts:
         measured["first_token_s"] = trace.attempts[0].usage.first_token_s
-    known = metrics.model_dump()
-    changes = {stage: max(known[stage], seconds) for stage, seconds in measured.items()}
-    added = sum(changes[stage] - known[stage] for stage in ("planning_s", "judging_s"))
+    recorded = metrics.model_dump()
+    changes = {stage: max(recorded[stage], seconds) for stage, seconds in measured.items()}
+    added = sum(changes[stage] - recorded[stage] for stage in ("planning_s", "judging_s"))
     return metrics.model_copy(update={**changes, "end_to_end_s": metrics.end_to_end_s + added})
 
 

@@ -77,21 +77,21 @@ def wrong_name(source: str, world: World | None) -> str:
     for field, call in _FIELD.findall(bare):
         if not call and field not in names:
             return f"nothing in a run has a field {field!r}; known: {', '.join(sorted(_FIELDS))}"
-    for said, known in _values(source, world):
-        if said not in known:
-            return f"there is no {said!r} here; known: {', '.join(sorted(known))}"
+    for word, choices in _values(source, world):
+        if word not in choices:
+            return f"there is no {word!r} here; known: {', '.join(sorted(choices))}"
     return ""
 
 
 def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
     """Yield each text in `source` that must be in a known set, and that set."""
     gates, assets = set(world.gates), set(world.assets)
-    for one, other in _KEY.findall(source):
-        yield one or other, gates | assets
-    for one, other, where in _IN.findall(source):
-        yield one or other, gates if where in {"gates", "coverage"} else assets
-    for field, one, other in _SAID.findall(source):
-        yield one or other, _WORDS.get(field, gates)
+    for single, double in _KEY.findall(source):
+        yield single or double, gates | assets
+    for single, double, where in _IN.findall(source):
+        yield single or double, gates if where in {"gates", "coverage"} else assets
+    for field, single, double in _SAID.findall(source):
+        yield single or double, _WORDS.get(field, gates)
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
@@ -118,8 +118,8 @@ def _vocabulary() -> dict[str, set[str]]:
     words: dict[str, set[str]] = {"kind": {"vehicle", "person"}}
     for model in _models(RunFacts):
         for name, field in model.model_fields.items():
-            if found := _words(field.annotation):
-                words.setdefault(name, set()).update(found)
+            if choices := _words(field.annotation):
+                words.setdefault(name, set()).update(choices)
     return words
 
 

@@ -1,27 +1,30 @@
-"""The runs of an evaluation on Dask's workers; the module is imported only for a sweep.
+"""The runs of an evaluation on the workers of a Dask scheduler; imported only for a sweep.
 
 World, rules and mission of a run are sent as text, so that workers on any machine can make the run.
+A run that is submitted twice is made once, because its key is unique. If a worker dies, its run
+moves to another worker. If the scheduler restarts, the unfinished runs are submitted again.
 """
 
 import asyncio
 import hashlib
 import json
+import logging
+import signal
 import socket
 from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
-from threading import Thread
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock, Thread
+from typing import Any, cast
+
+from distributed import Client, LocalCluster, WorkerPlugin, as_completed, get_worker
+from distributed.scheduler import KilledWorker
 
 from pa_console import __version__
-from pa_console.evaluation.dask_sweep import (
-    AGAIN_S,
-    DaskSweep,
-    SweepError,
-    TaskMaker,
-    Workers,
-    cluster,
-)
+from pa_console.child_processes import isolated_workers
 from pa_console.evaluation.jobs import Job
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import LOGS, EvaluationFolder, RunRecord
@@ -34,8 +37,27 @@ from pa_console.schema.document import read_text
 from pa_console.schema.evaluation import MissionCase, Variant
 from pa_console.station.assembly import Site, load_site
 
+AWAY_S = 600.0
+"""The longest wait for an unreachable scheduler, in seconds."""
+AGAIN_S = 2.0
+"""The time between two attempts to reach the scheduler, in seconds."""
+PLUGIN = "pa-console runs"
+"""The name of the plugin on the scheduler."""
+
 EngineFor = Callable[[str], MemoEngine]
 """A function that is sent to the workers and returns the engine of a model there."""
+
+
+class SweepError(ValueError):
+    """Raised if a sweep cannot continue; its results are kept, and the same command resumes it."""
+
+
+@dataclass(frozen=True)
+class Workers:
+    """The workers of the scheduler at the address `scheduler`, or `count` local processes."""
+
+    scheduler: str = ""
+    count: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,55 +118,61 @@ class MadeRun:
     log: bytes | None
 
 
-class RunMaker(TaskMaker[RemoteRun, MadeRun]):
+class RunMaker(WorkerPlugin):
     """The plugin that makes runs on a worker, one at a time, in its own event loop.
 
-    It keeps engines and sites from run to run.
+    Each worker receives it once and keeps engines and sites from run to run.
     """
 
-    name = "pa-console runs"
+    name = PLUGIN
 
-    def __init__(self, engine_for: EngineFor) -> None:
-        self._engine_for = engine_for
+    def __init__(self, engine_for: EngineFor, *, own_process: bool) -> None:
+        """Let workers that are processes of this program (`own_process`) leave Ctrl-C to it."""
+        self._engine_for, self._own_process = engine_for, own_process
 
-    def begin(self) -> None:
+    def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
         """Start the event loop of the engines."""
+        if self._own_process:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        self._temporary = TemporaryDirectory(prefix="pa-console-")
+        self._folder = Path(self._temporary.name)
         self._engines: dict[str, MemoEngine] = {}
         self._sites: dict[str, Site] = {}
+        self._turn = Lock()
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
-        self._one = asyncio.Lock()
 
-    def end(self) -> None:
-        """Cancel the runs in progress, and end the processes of the models."""
+    def teardown(self, worker: object) -> None:  # noqa: ARG002
+        """Cancel the run in progress, and end the processes of the models."""
         asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._temporary.cleanup()
 
     def make(self, task: RemoteRun) -> MadeRun:
         """Return the run of `task`; errors of the run are passed on."""
-        return asyncio.run_coroutine_threadsafe(self._make(task), self._loop).result()
+        with self._turn:
+            return asyncio.run_coroutine_threadsafe(self._make(task), self._loop).result()
 
     async def _make(self, task: RemoteRun) -> MadeRun:
-        async with self._one:
-            site = self._site(task)
-            job = Job(task.mission_set, task.case, site, task.model, task.variant, task.seed)
-            if task.model not in self._engines:
-                self._engines[task.model] = self._engine_for(task.model)
-            log = None
-            if task.keep_log:
-                log = self.folder / LOGS / f"{task.stem}.jsonl"
-                log.parent.mkdir(exist_ok=True)
-                log.unlink(missing_ok=True)
-            record = await make_run(job, self._engines[task.model], partial(idle_score, job), log)
-            return MadeRun(record, log.read_bytes() if log is not None else None)
+        site = self._site(task)
+        job = Job(task.mission_set, task.case, site, task.model, task.variant, task.seed)
+        if task.model not in self._engines:
+            self._engines[task.model] = self._engine_for(task.model)
+        log = None
+        if task.keep_log:
+            log = self._folder / LOGS / f"{task.stem}.jsonl"
+            log.parent.mkdir(exist_ok=True)
+            log.unlink(missing_ok=True)
+        record = await make_run(job, self._engines[task.model], partial(idle_score, job), log)
+        return MadeRun(record, log.read_bytes() if log is not None else None)
 
     def _site(self, task: RemoteRun) -> Site:
         """Return the site of a run, and write its files once; raises DocumentError if not valid."""
         name = hashlib.sha256(f"{task.world}\0{task.rules}".encode()).hexdigest()[:16]
         if name not in self._sites:
-            folder = self.folder / name
+            folder = self._folder / name
             folder.mkdir()
             world, rules = folder / "world.yaml", folder / "rules.yaml"
             world.write_text(task.world, encoding="utf-8")
@@ -159,6 +187,11 @@ class RunMaker(TaskMaker[RemoteRun, MadeRun]):
         await asyncio.gather(*runs, return_exceptions=True)
         for engine in self._engines.values():
             await engine.close()
+
+
+def make_remotely(task: RemoteRun) -> MadeRun:
+    """Make the run of `task` with the plugin of the current worker."""
+    return cast(Any, get_worker()).plugins[PLUGIN].make(task)
 
 
 @dataclass(frozen=True)
@@ -195,13 +228,18 @@ class Sweep:
         fingerprints: dict[str, str],
         *,
         keep_logs: bool = True,
-        told: Callable[[str], None] = lambda _text: None,
+        report: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Use the models' `fingerprints` by name; `told` and `again_s` are as in DaskSweep."""
-        self._told, self._again_s = told, again_s
+        """Use the models' `fingerprints` by name, and pass progress lines to `report`.
+
+        A lost scheduler is tried again every `again_s` seconds.
+        """
+        self._report, self._again_s = report, again_s
         self._results, self._engine_for = results, engine_for
         self._fingerprints, self._keep_logs = fingerprints, keep_logs
+        self._reached = False
+        """True once the scheduler was reached; from then on, the sweep waits for a lost one."""
 
     async def run(self, workers: Workers, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
         """Yield each run once it is stored, in the order in which the runs end.
@@ -217,21 +255,45 @@ class Sweep:
 
         At the end, the file has the runs in the order in which a single process would make them.
         """
-        ordered = in_order(self._missing(jobs))
-        stems = {job.run: job.stem for job in ordered}
-
-        def missing() -> list[RemoteRun]:
-            return [
-                RemoteRun.of(job, self._fingerprints[job.model], keep_log=self._keep_logs)
-                for job in self._missing(ordered)
-            ]
-
-        sweep = DaskSweep(
-            RunMaker(self._engine_for), missing, told=self._told, again_s=self._again_s
-        )
-        async for made in sweep.run_on(target):
-            yield self._kept(made, stems[made.record.run])
+        clock = asyncio.get_running_loop().time
+        ordered, last = in_order(self._missing(jobs)), clock()
+        while missing := self._missing(ordered):
+            try:
+                async for record in self._round(target, missing):
+                    last = clock()
+                    yield record
+            except (OSError, TimeoutError) as error:
+                if not self._reached or clock() - last > AWAY_S:
+                    raise SweepError(
+                        f"no scheduler answers at {target}: see its address"
+                    ) from error
+            if left := self._missing(ordered):
+                self._report(f"the scheduler is away: {len(left)} results are asked for again")
+                await asyncio.sleep(self._again_s)
         self._results.arrange([job.run for job in ordered])
+
+    async def _round(self, target: Any, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
+        """Submit `jobs`, and yield runs until all are complete or the scheduler is lost."""
+        tasks = [
+            RemoteRun.of(job, self._fingerprints[job.model], keep_log=self._keep_logs)
+            for job in jobs
+        ]
+        stems = {job.run: job.stem for job in jobs}
+        connecting: Any = Client(target, asynchronous=True, timeout=AGAIN_S)
+        async with connecting as client:
+            self._reached = True
+            plugin = RunMaker(self._engine_for, own_process=not isinstance(target, str))
+            await client.register_plugin(plugin, name=PLUGIN)
+            futures = [client.submit(make_remotely, task, key=task.key) for task in tasks]
+            completed: Any = as_completed(futures)
+            async for future in completed:
+                if future.status == "error":
+                    raise _failed(await future.exception())
+                if future.status != "finished":  # lost in a restart of the scheduler
+                    continue
+                made: MadeRun = await future.result()
+                yield self._kept(made, stems[made.record.run])
+                future.release()
 
     def _missing(self, jobs: Sequence[Job]) -> list[Job]:
         done = self._results.done
@@ -243,3 +305,29 @@ class Sweep:
             (self._results.folder / LOGS / f"{stem}.jsonl").write_bytes(made.log)
         self._results.add(made.record)
         return made.record
+
+
+def _failed(error: BaseException) -> BaseException:
+    if isinstance(error, KilledWorker):
+        return SweepError(f"one run ended every worker that made it: {error}")
+    return error
+
+
+@asynccontextmanager
+async def cluster(workers: Workers) -> AsyncGenerator[Any]:
+    """Yield the target for a client; local worker processes end on exit."""
+    if workers.scheduler:
+        yield workers.scheduler
+        return
+    started = cast(Any, LocalCluster)(
+        n_workers=workers.count,
+        threads_per_worker=1,
+        processes=True,
+        asynchronous=True,
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+    )
+    with isolated_workers():
+        async with started as running:
+            yield running

@@ -13,12 +13,10 @@ from io import BytesIO
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from pa_console.resources import install_hint
+from pa_console.resources import install_hint, missing_library
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-from pa_console.resources import missing_library
 
 MOST_S, MOST_BYTES, MOST_PIXELS = 5.0, 4_000_000, 24_000_000
 """The longest wait in seconds, the largest file in bytes, and the largest image in pixels."""

@@ -81,5 +81,5 @@ class _Each:
                 self._failed.append(observer)
                 self._tell(f"no more is observed: {type(error).__name__}: {error}")
         if self._failed:
-            self._observers = [each for each in self._observers if each not in self._failed]
+            self._observers = [o for o in self._observers if o not in self._failed]
             self._failed.clear()

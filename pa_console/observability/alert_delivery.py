@@ -176,5 +176,5 @@ class AlertDelivery:
                 why = receiver.try_once(letter, self._limit_s)
                 if not why:
                     break
-            told = f"told: {letter.title}" if not why else f"not told, {why}: {letter.title}"
-            self._news.append(f"{receiver.name} {told}")
+            line = f"told: {letter.title}" if not why else f"not told, {why}: {letter.title}"
+            self._news.append(f"{receiver.name} {line}")

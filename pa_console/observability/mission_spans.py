@@ -200,17 +200,17 @@ class MissionSpans:
         t = event.t
         match event.data:
             case ev.ApprovalRequested():
-                asked = event.data
+                request = event.data
                 self._open(
                     traced,
                     "decide",
                     t,
                     {
-                        "pa.attempt": asked.attempt,
-                        "pa.approval.state": asked.state or "",
-                        "pa.approval.blocked": bool(asked.blocked_by),
-                        "pa.approval.acknowledge": list(asked.acknowledge),
-                        "pa.approval.needs_override": asked.needs_override,
+                        "pa.attempt": request.attempt,
+                        "pa.approval.state": request.state or "",
+                        "pa.approval.blocked": bool(request.blocked_by),
+                        "pa.approval.acknowledge": list(request.acknowledge),
+                        "pa.approval.needs_override": request.needs_override,
                     },
                 )
             case ev.DecisionMade(decision=decision, accepted=accepted):
@@ -249,9 +249,9 @@ class MissionSpans:
                 self._close(traced, "execute", t, {"pa.attempt": attempt, "pa.halted": True})
             case ev.StepsHeld(orders=orders):
                 self._note(traced, "steps held", t, {"pa.orders": list(orders)})
-            case ev.MissionVerified(verification=found, seconds=seconds):
+            case ev.MissionVerified(verification=outcome, seconds=seconds):
                 self._close(traced, "execute", t)
-                self._whole(traced, "verify", t, seconds, {"pa.outcome": found.outcome})
+                self._whole(traced, "verify", t, seconds, {"pa.outcome": outcome.outcome})
             case ev.OutcomeJudged(verdict=verdict, usage=usage):
                 self._asked(traced, "outcome", t, usage, _verdict(verdict))
             case ev.MissionReported():

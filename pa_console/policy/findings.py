@@ -46,11 +46,11 @@ def violation(message: str, offenders: Iterable[str]) -> str:
 
 def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
     """Return a critical finding for each problem that keeps `plan` from being rehearsed."""
-    found = [text for action in plan.actions for text in _problems(action, world, picture)]
-    found += _at_once(plan)
+    texts = [text for action in plan.actions for text in _problems(action, world, picture)]
+    texts += _at_once(plan)
     return tuple(
         Finding(rule_id=STRUCTURE_ID, priority="critical", status="violates", message=text)
-        for text in dict.fromkeys(found)
+        for text in dict.fromkeys(texts)
     )
 
 
@@ -58,14 +58,14 @@ def _at_once(plan: Plan) -> Iterable[str]:
     """Yield a problem for each agent with several commands that have no order."""
     several = [agent for agent, count in Counter(plan.agents).items() if count > 1]
     for agent in several:
-        own = [number for number, each in enumerate(plan.agents, start=1) if each == agent]
+        own = [number for number, name in enumerate(plan.agents, start=1) if name == agent]
         if len(plan.steps) == 1:
             yield f"{agent} has {len(own)} commands, at most one is allowed"
             continue
-        for one, other in combinations(own, 2):
-            if other not in plan.depends_on((one,)) and one not in plan.depends_on((other,)):
+        for first, second in combinations(own, 2):
+            if second not in plan.depends_on((first,)) and first not in plan.depends_on((second,)):
                 yield (
-                    f"{agent} is needed twice at once, by actions {one} and {other}: "
+                    f"{agent} is needed twice at once, by actions {first} and {second}: "
                     "let one of them come after the other"
                 )
 

@@ -237,13 +237,13 @@ def _findings(breaches: Iterable[OrderingBreach]) -> tuple[Finding, ...]:
     by_rule: dict[str, list[OrderingBreach]] = {}
     for breach in breaches:
         by_rule.setdefault(breach.rule.id, []).append(breach)
-    return tuple(_finding(found) for found in by_rule.values())
+    return tuple(_finding(of_rule) for of_rule in by_rule.values())
 
 
-def _finding(found: list[OrderingBreach]) -> Finding:
-    rule = min((breach.rule for breach in found), key=lambda r: PRIORITIES.index(r.priority))
-    problems = [breach.problem for breach in found if breach.problem]
+def _finding(breaches: list[OrderingBreach]) -> Finding:
+    rule = min((breach.rule for breach in breaches), key=lambda r: PRIORITIES.index(r.priority))
+    problems = [breach.problem for breach in breaches if breach.problem]
     if problems:
         return undecided(rule, problems[0])
-    words = dict.fromkeys(violation(breach.message, breach.offenders) for breach in found)
+    words = dict.fromkeys(violation(breach.message, breach.offenders) for breach in breaches)
     return finding(rule, "violates", "; ".join(words))

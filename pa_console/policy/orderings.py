@@ -79,16 +79,16 @@ class Evaluator:
         Raises TypeError if the result is neither true nor false.
         """
         reads = expression.reads(_SHAPES[type(subject)])
-        asked: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         if "id" in reads:
-            asked["id"] = name
+            values["id"] = name
         if "it" in reads:
-            asked["it"] = _plain(subject, reads["it"])
+            values["it"] = _plain(subject, reads["it"])
         if "now" in reads:
-            return self._evaluate(expression, reads, asked | {"now": self._values(now)})
-        key = (expression, asked.get("id", ""), tuple(asked.get("it", {}).values()))
+            return self._evaluate(expression, reads, values | {"now": self._values(now)})
+        key = (expression, values.get("id", ""), tuple(values.get("it", {}).values()))
         if key not in self._known:
-            self._known[key] = self._evaluate(expression, reads, asked)
+            self._known[key] = self._evaluate(expression, reads, values)
         return self._known[key]
 
     def prepare(self, order: Ordering, *expressions: Expression) -> None:
@@ -112,8 +112,8 @@ class Evaluator:
             raise TypeError(f"it yields {value!r}, not a positive number")
         return float(value)
 
-    def _evaluate(self, expression: Expression, reads: Fields, asked: dict[str, Any]) -> bool:
-        result: Any = expression.evaluate(make_context(asked | self._worldly(reads)))
+    def _evaluate(self, expression: Expression, reads: Fields, values: dict[str, Any]) -> bool:
+        result: Any = expression.evaluate(make_context(values | self._worldly(reads)))
         if not isinstance(result, bool):
             raise TypeError(f"it yields {result!r}, not true or false")
         return result

@@ -120,10 +120,10 @@ class RulesPins:
                 "shipped one (--rules checkpoint), or look through this one and start console or "
                 "mission with --accept-rules, which the log and every report will say"
             )
-        said = f"{why} (accepted {self._now():%Y-%m-%d})" if why else ""
+        note = f"{why} (accepted {self._now():%Y-%m-%d})" if why else ""
         if pinned is not None and not why and _same(pinned, pin):
-            said = pinned.accepted
-        sealed = seal.model_copy(update={"accepted": said})
+            note = pinned.accepted
+        sealed = seal.model_copy(update={"accepted": note})
         self._write(pin_of(name, sealed), pinned)
         return sealed
 
@@ -134,8 +134,8 @@ class RulesPins:
             replace_private(self._path, json.dumps(pin.model_dump(), indent=2).encode())
 
 
-def _same(one: RulesPin, other: RulesPin) -> bool:
-    return (one.signer, one.name, one.content_sha256) == (
+def _same(pin: RulesPin, other: RulesPin) -> bool:
+    return (pin.signer, pin.name, pin.content_sha256) == (
         other.signer, other.name, other.content_sha256,
     )  # fmt: skip
 

@@ -46,6 +46,25 @@ _SPLIT = re.compile(r"(?<=[a-z])[-*·](?=[a-z])")
 _PARTS = 3
 """The largest number of parts into which a searched word may be split."""
 
+_SOUGHT = frozenset(
+    (
+        *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
+        *("neutralize", "assassinate", "murder", "open", "fire", "ramming", "crush", "flatten"),
+        *("ignore", "override", "bypass", "disregard", "violate", "circumvent", "suspend"),
+        *("disable", "forget", "rules", "rule", "engagement", "policy", "policies", "safety"),
+        *("safeguards", "safeguard", "constraints", "restrictions", "trap", "corner", "surround"),
+        *("encircle", "confine", "enclose", "imprison", "detain", "lock", "follow", "shadow"),
+        *("chase", "pursue", "stalk", "tail", "hunt", "hound", "wherever", "person", "people"),
+        *("driver", "intruder", "intruders", "stranger", "suspect", "visitor", "visitors"),
+        *("crowd", "woman", "everybody", "everyone", "anybody", "anyone", "family", "children"),
+        *("protesters", "civilians", "trespasser", "trespassers", "truck", "vehicle", "gates"),
+        *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
+    )
+)
+"""Words that rules on words search for. They are also found split, or with digits at the end."""
+
+_STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
+
 
 def compatible_form(text: str) -> str:
     """Return `text` in compatibility form (NFKC), without invisible characters."""
@@ -61,14 +80,14 @@ def plain_words(text: str) -> str:
 
 def foldings(words: str) -> Iterator[str]:
     """Yield the other ways to read the plain `words`, usually none."""
-    known = {words}
+    seen = {words}
     latin = _in_latin(words)
     bare = " ".join(_MARKUP.sub(" ", _JUNK.sub("", latin)).split())
     for text in (latin, bare, *_as_letters(bare)):
-        for found in (text, *_together(text)):
-            if found not in known:
-                known.add(found)
-                yield found
+        for variant in (text, *_together(text)):
+            if variant not in seen:
+                seen.add(variant)
+                yield variant
 
 
 def _in_latin(words: str) -> str:
@@ -90,11 +109,11 @@ def _letter(sign: str) -> str:
 
 def _as_letters(words: str) -> Iterator[str]:
     """Yield `words` with digits and signs in words read as letters; 1 may be an i or an l."""
-    for one in "il":
-        signs = str.maketrans(_SIGNS | dict.fromkeys(_ONES, one))
+    for letter in "il":
+        signs = str.maketrans(_SIGNS | dict.fromkeys(_ONES, letter))
 
-        def read(found: re.Match[str], signs: dict[int, str] = signs) -> str:
-            word = found[0]
+        def read(match: re.Match[str], signs: dict[int, str] = signs) -> str:
+            word = match[0]
             if word.isalpha() or word.isdigit():
                 return word
             letters = _SPELT.get(_in_strokes(word), word.translate(signs))
@@ -108,7 +127,7 @@ def _together(words: str) -> Iterator[str]:
     """Yield `words` with separated or repeated letters joined into words."""
     joined = words
     for apart in (_SIGNS_BETWEEN, _APART):
-        joined = apart.sub(lambda found: re.sub(r"[\W_]+", "", found[0]), joined)
+        joined = apart.sub(lambda match: re.sub(r"[\W_]+", "", match[0]), joined)
     joined = re.sub(r"\bopen(ing)?fire", r"open\1 fire", joined)
     yield joined
     yield _SPLIT.sub("", joined)
@@ -117,25 +136,6 @@ def _together(words: str) -> Iterator[str]:
     for drawn in (r"\1\1", r"\1"):
         yield _DRAWN.sub(drawn, joined)
         yield _rejoined(_DRAWN.sub(drawn, whole))
-
-
-_SOUGHT = frozenset(
-    (
-        *("shoot", "shooting", "kill", "killing", "attack", "destroy", "eliminate", "neutralise"),
-        *("neutralize", "assassinate", "murder", "open", "fire", "ramming", "crush", "flatten"),
-        *("ignore", "override", "bypass", "disregard", "violate", "circumvent", "suspend"),
-        *("disable", "forget", "rules", "rule", "engagement", "policy", "policies", "safety"),
-        *("safeguards", "safeguard", "constraints", "restrictions", "trap", "corner", "surround"),
-        *("encircle", "confine", "enclose", "imprison", "detain", "lock", "follow", "shadow"),
-        *("chase", "pursue", "stalk", "tail", "hunt", "hound", "wherever", "person", "people"),
-        *("driver", "intruder", "intruders", "stranger", "suspect", "visitor", "visitors"),
-        *("crowd", "woman", "everybody", "everyone", "anybody", "anyone", "family", "children"),
-        *("protesters", "civilians", "trespasser", "trespassers", "truck", "vehicle", "gates"),
-        *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
-    )
-)
-"""Words that rules on words search for. They are also found split, or with digits at the end."""
-_STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
 
 
 def _in_strokes(word: str) -> str:
@@ -149,13 +149,13 @@ _SPELT = {_in_strokes(word): word for word in sorted(_SOUGHT)}
 
 def _rejoined(words: str) -> str:
     """Return `words` with split words joined again: `sh oot`, `sur ro und`."""
-    found, at = words.split(" "), 0
-    while at + 1 < len(found):
-        for end in range(at + 2, min(at + _PARTS, len(found)) + 1):
-            joined = re.sub(r"\W+(?=\w)", "", "".join(found[at:end]))
+    parts, at = words.split(" "), 0
+    while at + 1 < len(parts):
+        for end in range(at + 2, min(at + _PARTS, len(parts)) + 1):
+            joined = re.sub(r"\W+(?=\w)", "", "".join(parts[at:end]))
             bare = joined.rstrip(".,;:!?")
             if word := _SPELT.get(_in_strokes(bare)):
-                found[at:end] = [word + joined[len(bare) :]]
+                parts[at:end] = [word + joined[len(bare) :]]
                 break
         at += 1
-    return " ".join(found)
+    return " ".join(parts)

@@ -24,6 +24,8 @@ SHORTEST, LONGEST = 2, 4
 ALIKE = 0.6
 """The similarity of spelling from which a word counts as a member of a group."""
 
+_CHUNK = 10_000
+
 
 def words_of(text: str) -> list[str]:
     """Return the words of `text` in order, case-folded, in any script.
@@ -50,8 +52,6 @@ def ngrams(word: str, shortest: int = SHORTEST_NGRAM, longest: int = LONGEST_NGR
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.int32]
-
-_CHUNK = 10_000
 
 
 class Postings:
@@ -98,8 +98,8 @@ class Postings:
     ) -> Numbers:
         """Return the numbers of the terms of `word`; new terms get the next numbers."""
         if word not in parts:
-            found = (word,) if terms is None else terms(word)
-            new = [self.terms.setdefault(term, len(self.terms)) for term in found]
+            written = (word,) if terms is None else terms(word)
+            new = [self.terms.setdefault(term, len(self.terms)) for term in written]
             parts[word] = np.array(new, dtype=np.int32)
         return parts[word]
 

@@ -42,6 +42,8 @@ LEVELS = 10
 """The number of levels of nearness between rules and a word."""
 _ROUNDING = 1e-9
 
+DEFAULT_METHOD = "related"
+
 
 def rounded(scores: Floats) -> Floats:
     """Return `scores` rounded to decimals that are the same on every processor.
@@ -247,7 +249,6 @@ _MAKERS: dict[str, Callable[[Sequence[Rule], Vocabulary], RuleRanking]] = {
     "related": RelatedRanking,
 }
 METHODS = tuple(_MAKERS)
-DEFAULT_METHOD = "related"
 
 
 class Retriever:

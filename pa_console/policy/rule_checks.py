@@ -120,7 +120,7 @@ def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Find
     `ahead` is a copy that may be advanced. Breaches at the rehearsal's first moment, before any
     command, are not caused by the plan.
     """
-    found: dict[str, Finding] = {}
+    by_rule: dict[str, Finding] = {}
     moments = list(rehearsal.moments)
     if moments:
         end_s = max(rehearsal.after.time_s, moments[-1].time_s)
@@ -129,9 +129,9 @@ def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Find
         for new in ahead.observe(now):
             if number == 0 and new.status != "error":
                 continue
-            known = found.get(new.rule_id)
-            found[new.rule_id] = new if known is None else _worse(known, new)
-    return found
+            earlier = by_rule.get(new.rule_id)
+            by_rule[new.rule_id] = new if earlier is None else _worse(earlier, new)
+    return by_rule
 
 
 def _contexts(
@@ -156,12 +156,12 @@ def _contexts(
 def _decide_all(entry: CompiledRule, contexts: Sequence[cel.Context]) -> Finding:
     """Decide a rule for every way to read the mission, if the rule reads it; the worst counts."""
     first, *others = contexts
-    found = _decide(entry, first)
+    finding = _decide(entry, first)
     for context in others if "mission" in entry.variables else ():
         other = _decide(entry, context)
-        if other.broken and not found.broken:
-            found = other
-    return found
+        if other.broken and not finding.broken:
+            finding = other
+    return finding
 
 
 def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
@@ -189,12 +189,12 @@ def _decide(entry: CompiledRule, context: cel.Context) -> Finding:
     return undecided(rule, f"it yields {result!r}, neither true, false nor a list of texts")
 
 
-def _both(found: Sequence[Finding]) -> Finding:
+def _both(findings: Sequence[Finding]) -> Finding:
     """Return one finding for a rule and the core's rule of the same id; the stricter wins."""
-    broken = [one for one in found if one.broken]
+    broken = [finding for finding in findings if finding.broken]
     if len(broken) < 2:
-        decided = [one for one in found if one.status == "complies"]
-        return (*broken, *decided, *found)[0]
+        decided = [finding for finding in findings if finding.status == "complies"]
+        return (*broken, *decided, *findings)[0]
     return _worse(*broken)
 
 

@@ -75,6 +75,72 @@ Values = dict[str, Any]
 KEPT_S = 3600.0
 """Simulated seconds for which a sighting is kept."""
 
+_ASSET = flat(
+    ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
+     "low_battery", "comms", "available", "stale", "integrity", "stamp_s", "goes_to")
+)  # fmt: skip
+
+_TRACK = flat((*(Track.model_fields.keys() - {"heading_deg"}), "age_s", "met", "attended_by"))
+
+_OUTCOME = flat(AssetTimeline.model_fields)
+
+_ACTION = Record(
+    dict.fromkeys(("agent", "command", "verb", "target", "goes_to", "kind"))
+    | {"asset": _ASSET, "outcome": _OUTCOME, "tracks": Many(_TRACK)}
+)
+
+_PICTURE = Record(
+    {
+        "time_s": None,
+        "assets": Many(_ASSET, keyed=True),
+        "tracks": Many(_TRACK, keyed=True),
+        "gates": Many(flat(GateCover.model_fields), keyed=True),
+    }
+)
+
+_TIMELINE = Record(
+    {
+        "duration_s": None,
+        "gates": Many(flat(GateTimeline.model_fields), keyed=True),
+        "tracks": Many(flat(TrackTimeline.model_fields), keyed=True),
+        "assets": Many(_OUTCOME, keyed=True),
+    }
+)
+
+_GATE = flat(("name", "by", "unsure", *GateTimeline.model_fields))
+
+_MISSION = flat(("id", "text", "words", "source"))
+
+_WORLD = flat(
+    ("gates", "frames", "zones", "assets", "base", "standoff_m", "coverage_grace_s",
+     "low_battery_pct", "commands")
+)  # fmt: skip
+
+PLAN_SHAPES: Shapes = {
+    "plan": Record({"reason": None, "actions": Many(_ACTION)}),
+    "actions": Many(_ACTION),
+    "before": _PICTURE,
+    "after": _PICTURE,
+    "timeline": _TIMELINE,
+    "tracks": Many(_TRACK),
+    "assets": Many(_ASSET),
+    "gates": Many(_GATE),
+    "mission": _MISSION,
+    "world": _WORLD,
+    "sightings": None,
+}
+"""The structure of each variable."""
+
+WORLD_SHAPE: Shape = _WORLD
+
+EVERYTHING = everything(PLAN_VARIABLES)
+
+_COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
+
+_UNCOVERED = GateCover(covered=False)
+
+_COVER = ("by", "unsure")
+
 
 class TrackSighting(NamedTuple):
     """The last detection of a track at a place, in simulated seconds, with the known facts."""
@@ -111,8 +177,8 @@ class Sightings:
         for track in picture.tracks.values():
             for place in self._places(track):
                 key = (track.id, place)
-                known = self._last.get(key)
-                if known is None or known.stamp_s < track.stamp_s:
+                last = self._last.get(key)
+                if last is None or last.stamp_s < track.stamp_s:
                     self._last.pop(key, None)  # the latest come last
                     self._last[key] = _sighting(track, place, track.stamp_s)
         for key, seen in self._last.items():
@@ -139,12 +205,12 @@ class Sightings:
 
     def _places(self, track: Track) -> Iterator[str]:
         """Yield the track's places: zones, its gate, and frames that are not gates."""
-        found = [name for name, area in self._zones if area.covers(Point(track.position))]
+        names = [name for name, area in self._zones if area.covers(Point(track.position))]
         for name in (track.gate, *self._posts):
             frame = self._world.frames.get(name)
             if frame is not None and math.dist(frame.at, track.position) <= frame.radius_m:
-                found.append(name)
-        yield from found or [""]
+                names.append(name)
+        yield from names or [""]
 
 
 def _sighting(track: Track, place: str, stamp_s: float) -> TrackSighting:
@@ -158,60 +224,6 @@ def _sighting(track: Track, place: str, stamp_s: float) -> TrackSighting:
         intent=track.intent,
         noncombatants=track.noncombatants,
     )
-
-
-_ASSET = flat(
-    ("id", "kind", "at", "post", "position", "speed_mps", "status", "task", "battery_pct",
-     "low_battery", "comms", "available", "stale", "integrity", "stamp_s", "goes_to")
-)  # fmt: skip
-_TRACK = flat((*(Track.model_fields.keys() - {"heading_deg"}), "age_s", "met", "attended_by"))
-_OUTCOME = flat(AssetTimeline.model_fields)
-_ACTION = Record(
-    dict.fromkeys(("agent", "command", "verb", "target", "goes_to", "kind"))
-    | {"asset": _ASSET, "outcome": _OUTCOME, "tracks": Many(_TRACK)}
-)
-_PICTURE = Record(
-    {
-        "time_s": None,
-        "assets": Many(_ASSET, keyed=True),
-        "tracks": Many(_TRACK, keyed=True),
-        "gates": Many(flat(GateCover.model_fields), keyed=True),
-    }
-)
-_TIMELINE = Record(
-    {
-        "duration_s": None,
-        "gates": Many(flat(GateTimeline.model_fields), keyed=True),
-        "tracks": Many(flat(TrackTimeline.model_fields), keyed=True),
-        "assets": Many(_OUTCOME, keyed=True),
-    }
-)
-_GATE = flat(("name", "by", "unsure", *GateTimeline.model_fields))
-_MISSION = flat(("id", "text", "words", "source"))
-_WORLD = flat(
-    ("gates", "frames", "zones", "assets", "base", "standoff_m", "coverage_grace_s",
-     "low_battery_pct", "commands")
-)  # fmt: skip
-
-PLAN_SHAPES: Shapes = {
-    "plan": Record({"reason": None, "actions": Many(_ACTION)}),
-    "actions": Many(_ACTION),
-    "before": _PICTURE,
-    "after": _PICTURE,
-    "timeline": _TIMELINE,
-    "tracks": Many(_TRACK),
-    "assets": Many(_ASSET),
-    "gates": Many(_GATE),
-    "mission": _MISSION,
-    "world": _WORLD,
-    "sightings": None,
-}
-"""The structure of each variable."""
-
-WORLD_SHAPE: Shape = _WORLD
-EVERYTHING = everything(PLAN_VARIABLES)
-
-_COMMANDS = {verb: sorted(spec.kinds) for verb, spec in COMMANDS.items()}
 
 
 class _RehearsedPlan:
@@ -444,11 +456,11 @@ def _picture(
         inner = within(fields, name)
         match name:
             case "assets":
-                values[name] = {n: asset(n, one, inner) for n, one in picture.assets.items()}
+                values[name] = {n: asset(n, state, inner) for n, state in picture.assets.items()}
             case "tracks":
-                values[name] = {n: track(n, one, inner) for n, one in picture.tracks.items()}
+                values[name] = {n: track(n, state, inner) for n, state in picture.tracks.items()}
             case "gates":
-                values[name] = {n: _flat(one, inner) for n, one in picture.gates.items()}
+                values[name] = {n: _flat(state, inner) for n, state in picture.gates.items()}
             case _:
                 values[name] = picture.time_s
     return values
@@ -459,9 +471,5 @@ def _timeline(rehearsal: Rehearsal, fields: Fields | None) -> Values:
     for name in names_of(fields, _TIMELINE.fields):
         value, inner = getattr(timeline, name), within(fields, name)
         nested = name != "duration_s"
-        values[name] = {n: _flat(one, inner) for n, one in value.items()} if nested else value
+        values[name] = {n: _flat(entry, inner) for n, entry in value.items()} if nested else value
     return values
-
-
-_UNCOVERED = GateCover(covered=False)
-_COVER = ("by", "unsure")

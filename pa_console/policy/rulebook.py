@@ -332,18 +332,18 @@ def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
     if rulebook.seal.core:
         return rulebook
     compiler = Compiler(deadline_s)
-    known = {entry.rule.id: entry for entry in rulebook.compiled}
+    by_id = {entry.rule.id: entry for entry in rulebook.compiled}
     added: list[CompiledRule] = []
     for rule in SHIPPED.core:
-        entry = known.get(rule.id)
+        entry = by_id.get(rule.id)
         if entry is None:
             added.append(compiler.rule(rule))
         elif not _as_strict(entry.rule, rule):
-            known[rule.id] = replace(entry, core=compiler.rule(rule))
+            by_id[rule.id] = replace(entry, core=compiler.rule(rule))
     return Rulebook(
         rulebook.name,
         rulebook.sha256,
-        (*known.values(), *added),
+        (*by_id.values(), *added),
         rulebook.workflows,
         rulebook.seal.model_copy(update={"core": core_sha256()}),
         rule_set=rulebook.rule_set,

@@ -82,24 +82,24 @@ class StandingCondition:
 
         Raises the errors of the expression, and DeadlineError if it takes too long.
         """
-        found: dict[str, bool | None] = {}
+        states: dict[str, bool | None] = {}
         now = {"time_s": picture.time_s, "weather": picture.weather}
         timed = "now" in self._expression.variables
         with shared_deadline(LOOK_S, len(picture.assets)):
             for name, subject in self._subjects(picture):
                 if not self._of_silence and _unknown(subject):
-                    found[name] = None
+                    states[name] = None
                     continue
-                values = {each: _value(subject, each, name) for each in self._fields}
+                values = {field: _value(subject, field, name) for field in self._fields}
                 key = (values, now if timed else None)
-                known = self._seen.get(name)
-                if known is None or known[0] != key:
-                    known = key, self._decide(name, values, now)
-                    self._seen[name] = known
-                found[name] = known[1]
-        for gone in self._seen.keys() - found.keys():
+                previous = self._seen.get(name)
+                if previous is None or previous[0] != key:
+                    previous = key, self._decide(name, values, now)
+                    self._seen[name] = previous
+                states[name] = previous[1]
+        for gone in self._seen.keys() - states.keys():
             del self._seen[gone]
-        return found
+        return states
 
     def _subjects(
         self, picture: Picture
@@ -116,7 +116,7 @@ class StandingCondition:
 
     def _decide(self, name: str, values: dict[str, Any], now: dict[str, Any]) -> bool:
         given = {"it": values, "id": name, "now": now, "world": self._world}
-        read = {each: given[each] for each in self._expression.variables}
+        read = {field: given[field] for field in self._expression.variables}
         result: Any = self._expression.evaluate(make_context(read))
         if not isinstance(result, bool):
             raise ValueError(f"it yields {result!r}, not true or false")

@@ -60,6 +60,8 @@ _LONGEST_NUMBER = 64
 _LONGEST_FIELD = 200
 _LONGEST_PROBLEM = 2000
 
+_SCALARS = SafeConstructor()
+
 
 class TreeError(Exception):
     """A text that cannot be parsed as a tree; line and column are from 1, or 0 if unknown."""
@@ -80,12 +82,12 @@ def compose(text: str) -> yaml.Node | None:
         return yaml.compose(text, Loader=yaml.CSafeLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        said = ", ".join(part for part in (error.context, error.problem) if part)
+        words = ", ".join(part for part in (error.context, error.problem) if part)
         last = text.count("\n") + 1  # the parser reports the end of the text as an extra line
         place = (min(mark.line + 1, last), mark.column + 1) if mark is not None else ()
         if mark is not None and text[mark.index : mark.index + 1] == "\t":
-            said = "a tab stands where the line is indented; put spaces"
-        raise TreeError(f"not valid YAML: {said}", *place) from error
+            words = "a tab stands where the line is indented; put spaces"
+        raise TreeError(f"not valid YAML: {words}", *place) from error
     except (yaml.YAMLError, ValueError) as error:
         raise TreeError(f"not valid YAML: {error}") from error
 
@@ -230,8 +232,6 @@ Model = TypeVar("Model", bound=BaseModel)
 FieldPath = tuple[str | int, ...]
 Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | None
 
-_SCALARS = SafeConstructor()
-
 
 class DocumentError(Exception):
     """A file that cannot be used; the message is for the person who wrote the file.
@@ -313,15 +313,15 @@ class Document:
         if isinstance(node, yaml.SequenceNode):
             return [self._built(child, (*field, place)) for place, child in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode):
-            found: dict[str | int, Value] = {}
+            values: dict[str | int, Value] = {}
             for key, child in cast(list[tuple[yaml.ScalarNode, yaml.Node]], node.value):
                 name = self._key(key, field)
                 path = (*field, str(name))
                 if path in self._lines:
                     raise self._wrong(key, path, "the key appears twice")
                 self._lines[path] = key.start_mark.line + 1
-                found[name] = self._built(child, path)
-            return found
+                values[name] = self._built(child, path)
+            return values
         return self._scalar(cast(yaml.ScalarNode, node), field)
 
     def _key(self, node: yaml.ScalarNode, field: FieldPath) -> str | int:

@@ -99,10 +99,10 @@ class MissionSet(StrictModel):
     def _known_worlds(self) -> "MissionSet":
         for index, case in enumerate(self.missions):
             if case.world and case.world not in self.worlds:
-                known = ", ".join(self.worlds) or "none"
+                names = ", ".join(self.worlds) or "none"
                 raise ValueError(
                     f"missions.{index}.world: there is no world {case.world!r} in this file; "
-                    f"known: {known}"
+                    f"known: {names}"
                 )
         return self
 

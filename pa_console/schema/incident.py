@@ -299,14 +299,14 @@ class Scenario(StrictModel):
     @model_validator(mode="after")
     def _names_exist(self) -> Self:
         names = [event.name for event in self.events if event.name is not None]
-        known = frozenset(names)
-        if len(known) < len(names):
+        existing = frozenset(names)
+        if len(existing) < len(names):
             twice = min(name for name, times in Counter(names).items() if times > 1)
             raise ValueError(f"events: the name {twice!r} is given twice")
         tracks = {e.do.name for e in self.events if e.do.kind == "spawn" and e.do.name}
         for index, event in enumerate(self.events):
             match event.when:
-                case After(event=name) if name not in known:
+                case After(event=name) if name not in existing:
                     raise ValueError(f"events.{index}.when.event: no event is named {name!r}")
                 case TrackIs(track=name) if name not in tracks:
                     raise ValueError(f"events.{index}.when.track: no spawn is named {name!r}")

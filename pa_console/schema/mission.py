@@ -344,8 +344,8 @@ class StandingOrder(StrictModel):
         """The order in plain words."""
         if self.each is None:
             return self.order
-        what = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
-        return self.order.replace(SUBJECT, what).replace(PLACE, "its gate")
+        target = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
+        return self.order.replace(SUBJECT, target).replace(PLACE, "its gate")
 
 
 class StandingStart(StrictModel):

@@ -94,8 +94,8 @@ class Plan(StrictModel):
             for other in action.after:
                 if not 1 <= other <= len(self.actions):
                     waits = f"action {number} ({action.agent} {action.command})"
-                    there = f"the plan has actions 1 to {len(self.actions)}"
-                    raise ValueError(f"{waits} waits for action {other}, and {there}")
+                    numbers = f"the plan has actions 1 to {len(self.actions)}"
+                    raise ValueError(f"{waits} waits for action {other}, and {numbers}")
         try:
             self._sorter().prepare()
         except CycleError as error:
@@ -118,13 +118,13 @@ class Plan(StrictModel):
         """
         if not any(action.after for action in self.actions):
             return (tuple(range(1, len(self.actions) + 1)),)
-        sorter, found = self._sorter(), list[tuple[int, ...]]()
+        sorter, groups = self._sorter(), list[tuple[int, ...]]()
         sorter.prepare()
         while sorter.is_active():
             ready = tuple(sorted(sorter.get_ready()))
-            found.append(ready)
+            groups.append(ready)
             sorter.done(*ready)
-        return tuple(found)
+        return tuple(groups)
 
     def part(self, numbers: Iterable[int]) -> "Plan":
         """Return a plan of only the actions with these numbers, which wait for nothing."""
@@ -135,10 +135,10 @@ class Plan(StrictModel):
 
     def depends_on(self, numbers: Iterable[int]) -> frozenset[int]:
         """Return the actions with these numbers, and all actions that come after one of them."""
-        found = set(numbers)
+        sources = set(numbers)
         for step in self.steps:
-            found.update(number for number in step if found & {*self.actions[number - 1].after})
-        return frozenset(found)
+            sources.update(number for number in step if sources & {*self.actions[number - 1].after})
+        return frozenset(sources)
 
     @property
     def agents(self) -> tuple[str, ...]:

@@ -19,6 +19,17 @@ Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-
 
 MOST_PEOPLE = 9
 
+ACTS = (
+    *(verb for verb in COMMANDS if verb not in STILL),
+    "override",
+    "acknowledge",
+    "first_order",
+)
+"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
+acknowledging a broken Medium rule, and the first order to a vehicle."""
+
+SHORT = 12
+
 
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
@@ -158,7 +169,7 @@ class Phase(StrictModel):
 
     def mission(self, track: str, gate: str) -> str:
         """Return the command with the two names inserted unchanged."""
-        return PLACEHOLDER.sub(lambda found: track if found[1] == "track" else gate, self.command)
+        return PLACEHOLDER.sub(lambda match: track if match[1] == "track" else gate, self.command)
 
 
 class Workflow(StrictModel):
@@ -174,16 +185,6 @@ class Workflow(StrictModel):
     ends: dict[str, str] = Field(default={}, description="outcome in words -> CEL")
     gone: str = Field(default="gone", description="outcome when the track is no longer known")
     phases: tuple[Phase, ...] = Field(min_length=1)
-
-
-ACTS = (
-    *(verb for verb in COMMANDS if verb not in STILL),
-    "override",
-    "acknowledge",
-    "first_order",
-)
-"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
-acknowledging a broken Medium rule, and the first order to a vehicle."""
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:
@@ -238,9 +239,9 @@ class RuleSet(StrictModel):
 
     @model_validator(mode="after")
     def _workflows_have_rules(self) -> Self:
-        known = {rule.id for rule in self.rules}
+        ids = {rule.id for rule in self.rules}
         for workflow in self.workflows:
-            if workflow.rule not in known:
+            if workflow.rule not in ids:
                 raise ValueError(f"workflow {workflow.id!r}: there is no rule {workflow.rule!r}")
         return self
 
@@ -264,7 +265,6 @@ _WORDS: dict[Standing, str] = {
     "not signed": "not signed",
     "altered": "ALTERED since it was signed",
 }
-SHORT = 12
 
 
 class RulesSeal(StrictModel):
@@ -300,12 +300,12 @@ class RulesSeal(StrictModel):
     @property
     def warnings(self) -> tuple[str, ...]:
         """The warnings about the set, which are shown in red with it."""
-        told: list[str] = []
+        lines: list[str] = []
         if self.accepted:
-            told.append(f"accepted by the operator although: {self.accepted}")
+            lines.append(f"accepted by the operator although: {self.accepted}")
         if self.no_critical_check:
-            told.append("no critical rule of this set is checked by software")
-        return tuple(told)
+            lines.append("no critical rule of this set is checked by software")
+        return tuple(lines)
 
     @property
     def title(self) -> str:

@@ -115,8 +115,8 @@ class Track(StrictModel):
     @property
     def dispute(self) -> str:
         """The claims about a disputed identity in words, or '' if it is not disputed."""
-        said = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
-        return f"identity disputed: {said}" if said else ""
+        claims = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
+        return f"identity disputed: {claims}" if claims else ""
 
 
 class CameraReport(StrictModel):

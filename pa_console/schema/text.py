@@ -79,19 +79,19 @@ def obeyed(text: str) -> str:
     characters are allowed, because some languages join letters with them; they are only made
     visible.
     """
-    found = _OBEYED.search(text)
-    if found is None:
+    match = _OBEYED.search(text)
+    if match is None:
         return ""
-    name = unicodedata.name(found[0], "a control character")
-    return f"U+{ord(found[0]):04X} ({name.lower()})"
+    name = unicodedata.name(match[0], "a control character")
+    return f"U+{ord(match[0]):04X} ({name.lower()})"
 
 
-def _json_escape(found: re.Match[str]) -> str:
-    return json.dumps(found[0])[1:-1] if ord(found[0]) != 0x7F else "\\u007f"
+def _json_escape(match: re.Match[str]) -> str:
+    return json.dumps(match[0])[1:-1] if ord(match[0]) != 0x7F else "\\u007f"
 
 
-def _escape(found: re.Match[str]) -> str:
-    code = ord(found[0])
+def _escape(match: re.Match[str]) -> str:
+    code = ord(match[0])
     if code <= 0xFF:
         return f"\\x{code:02x}"
     return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

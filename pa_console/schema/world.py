@@ -29,6 +29,8 @@ MOST_ROWS = 400
 _IMAGE_TOPIC = r"ros2:(/[A-Za-z0-9_]+)+"
 """The address of an image that is published on a topic of ROS 2."""
 
+MOST_ALIASES = 200
+
 
 class Frame(StrictModel):
     """A named position that commands can refer to (paper, Section IV-A; WF-08, CAP-06)."""
@@ -190,7 +192,6 @@ class Background(StrictModel):
         return self
 
 
-MOST_ALIASES = 200
 Alias = Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+( [a-z0-9]+){0,3}$", max_length=40)]
 """One to four words in lower case, without an article."""
 
@@ -257,11 +258,11 @@ class World(StrictModel):
             )
         if sum(len(lane.points) for lane in self.lanes.values()) > MOST_CORNERS:
             raise ValueError(f"lanes: more than {MOST_CORNERS} points together; draw fewer")
-        known = {*self.frames, *self.zones, *self.assets}
+        names = {*self.frames, *self.zones, *self.assets}
         for alias, name in self.aliases.items():
-            if name not in known:
+            if name not in names:
                 raise ValueError(f"aliases.{alias}: {name!r} is no asset and no place")
-            if alias.replace(" ", "") in {other.lower() for other in known}:
+            if alias.replace(" ", "") in {other.lower() for other in names}:
                 raise ValueError(f"aliases.{alias}: an asset or a place has this name already")
         gates = frozenset(self.gates)
         for name, lane in self.lanes.items():

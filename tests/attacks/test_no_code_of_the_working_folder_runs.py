@@ -18,7 +18,7 @@ from aiohttp import WSMsgType
 import pa_console
 from pa_console.child_processes import isolated_workers
 from pa_console.cli.sessions import web
-from pa_console.evaluation.dask_sweep import Workers, cluster
+from pa_console.evaluation.sweep import Workers, cluster
 from pa_console.llm.backend import PullError
 from pa_console.llm.local.confinement import try_out
 from pa_console.llm.local.engine import Engine

@@ -10,12 +10,11 @@ from typing import Any, cast
 import pytest
 from distributed import Scheduler, Worker
 
-from pa_console.evaluation.dask_sweep import SweepError, Workers, cluster
 from pa_console.evaluation.jobs import Job
 from pa_console.evaluation.memo_engine import MemoEngine
 from pa_console.evaluation.run_record import EvaluationFolder, RunRecord, read_runs
 from pa_console.evaluation.runner import Runner
-from pa_console.evaluation.sweep import RemoteRun, Sweep
+from pa_console.evaluation.sweep import RemoteRun, Sweep, SweepError, Workers, cluster
 from pa_console.station.assembly import Site
 from tests.evaluation.test_runner import SEND, SPARE, jobs
 from tests.scripted import ScriptedEngine
@@ -92,7 +91,7 @@ async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
     planned = drone_jobs(site, 4)
     said: list[str] = []
     results = EvaluationFolder(tmp_path / "swept")
-    sweep = Sweep(results, scripted_engine, PRINTS, told=said.append, again_s=0.001)
+    sweep = Sweep(results, scripted_engine, PRINTS, report=said.append, again_s=0.001)
     made: list[RunRecord] = []
     first = scheduling()
     address = await first.__aenter__()

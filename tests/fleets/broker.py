@@ -12,6 +12,8 @@ from pathlib import Path
 from random import Random
 from typing import Protocol, Self
 
+import pytest
+
 from pa_console.fleets.vda5050.broker import LOOPBACK, BrokerAddress, run_broker
 
 UP_S = 120.0
@@ -153,6 +155,7 @@ class Lossy:
 
 
 def any_broker() -> Broker:
+    pytest.importorskip("aiomqtt", reason="the bus, and its tests, need the extra `vda5050`")
     return Mosquitto() if mosquitto() else Embedded()
 
 

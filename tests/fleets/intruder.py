@@ -5,12 +5,13 @@ import ssl
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
-
-from paho.mqtt.client import Client, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from typing import TYPE_CHECKING
 
 from pa_console.fleets.vda5050.broker import BrokerAddress, Credentials
 from pa_console.fleets.vda5050.wire import MAJOR
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import Client, MQTTMessage
 
 UP_S = 10.0
 
@@ -30,6 +31,9 @@ class Intruder:
         self.dropped = 0
         """How often the connection has ended."""
         self._up = threading.Event()
+        from paho.mqtt.client import Client  # noqa: PLC0415 - in the extra `vda5050`
+        from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion  # noqa: PLC0415
+
         self._client = Client(
             CallbackAPIVersion.VERSION2, client_id, protocol=MQTTProtocolVersion.MQTTv5
         )
@@ -51,7 +55,7 @@ class Intruder:
     def _subscribed(self, *_: object) -> None:
         self._up.set()
 
-    def _note(self, _client: Client, _data: object, message: MQTTMessage) -> None:
+    def _note(self, _client: "Client", _data: object, message: "MQTTMessage") -> None:
         payload = bytes(message.payload)
         self.heard[message.topic] = payload
         self.all.append((message.topic, payload))
@@ -70,7 +74,7 @@ class Intruder:
         self._client.loop_stop()
 
 
-def _at_once(_client: Client, _data: object, opened: object) -> None:
+def _at_once(_client: "Client", _data: object, opened: object) -> None:
     """Let no message wait for the one before it to be acknowledged."""
     if isinstance(opened, socket.socket):
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -30,7 +30,6 @@ from pa_console.cli.options import (
     UnsignedOption,
     WorkersOption,
     WorldOption,
-    dask_workers,
     one_of,
 )
 from pa_console.cli.progress_bars import LiveBar
@@ -62,7 +61,7 @@ from pa_console.llm.local.engine import Engine
 from pa_console.llm.local.threads import physical_cores
 from pa_console.llm.models.catalogue import LocalModel, find_model
 from pa_console.policy.pinned_rules import RulesPins
-from pa_console.resources import missing_library
+from pa_console.resources import missing_library, naming_what_is_missing
 from pa_console.schema.text import count
 from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out, print_json, warn_of_altered
@@ -331,12 +330,13 @@ def _swept(
     `where` is the number of local processes, or the address of a scheduler. `names` has the
     requested file of each model. Raises ValueError if Dask is not installed.
     """
-    workers = dask_workers(where)
-    from pa_console.evaluation.sweep import ModelOnWorker, Sweep  # noqa: PLC0415 - Dask
+    with naming_what_is_missing("sweep", "a sweep needs"):
+        from pa_console.evaluation.sweep import ModelOnWorker, Sweep, Workers  # noqa: PLC0415
 
+    workers = Workers(count=where) if isinstance(where, int) else Workers(scheduler=where)
     prints = {name: model.fingerprint for name, model in models.items()}
     engine_for = ModelOnWorker(names, prints, reader, workers.count, reuse)
-    sweep = Sweep(results, engine_for, prints, keep_logs=logs, told=errors.print)
+    sweep = Sweep(results, engine_for, prints, keep_logs=logs, report=errors.print)
     return sweep.run(workers, planned)
 
 

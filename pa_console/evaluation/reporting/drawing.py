@@ -134,18 +134,18 @@ def draw_bars(
     slots = max(slots, len(series), 1)
     width = 0.92 * GROUP_WIDTH / slots
     for place, (style, values) in enumerate(series.items()):
-        known = [
+        points = [
             (x + slot_offset(place, slots), *value)
             for x, value in enumerate(values)
             if value is not None
         ]
-        at, heights = [x for x, *_ in known], [value for _, value, *_ in known]
+        at, heights = [x for x, *_ in points], [value for _, value, *_ in points]
         ax.bar(
             at, heights, width, color=style.colour, hatch=style.hatch, edgecolor=INK,
             linewidth=0.5, label=style.label,
         )  # fmt: skip
         ax.errorbar(
-            at, heights, error_lengths(known), fmt="none", ecolor=INK, elinewidth=0.9, capsize=2.5
+            at, heights, error_lengths(points), fmt="none", ecolor=INK, elinewidth=0.9, capsize=2.5
         )
 
 

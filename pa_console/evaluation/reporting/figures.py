@@ -33,6 +33,7 @@ from pa_console.evaluation.reporting.statistics import (
     Interval,
     Quantity,
     Records,
+    SuccessKind,
     ablated_models,
     by_model,
     comparable_runs,
@@ -40,6 +41,7 @@ from pa_console.evaluation.reporting.statistics import (
     main_runs,
     published,
     spread,
+    success_rate,
 )
 from pa_console.evaluation.reporting.tables_judgement import (
     VerdictSource,
@@ -50,10 +52,8 @@ from pa_console.evaluation.reporting.tables_judgement import (
 from pa_console.evaluation.reporting.tables_outcomes import (
     LATENCIES,
     STAGES,
-    SuccessKind,
     stage_name,
     stage_seconds,
-    success_rate,
     variants_of,
 )
 
@@ -108,21 +108,21 @@ def draw_models(  # noqa: PLR0917 - models and bars, ours and the paper's
     models: Mapping[str, Records],
     styles: Mapping[Name, Style],
     value: Callable[[Records, Name], Interval | None],
-    theirs: Sequence[str],
+    paper_models: Sequence[str],
     mark: Callable[[str, Name], PaperMark | None],
 ) -> None:
-    """Draw a group of bars for each of `models`, then rings for the paper's models `theirs`."""
+    """Draw a group of bars for each of `models`, then rings for `paper_models`."""
     bars = {
         style: [value(runs, name) for runs in models.values()] for name, style in styles.items()
     }
     draw_bars(ax, bars)
-    for number, model in enumerate(theirs):
+    for number, model in enumerate(paper_models):
         for slot, (name, style) in enumerate(styles.items()):
             marked = mark(model, name)
             if marked is not None:
                 at = len(models) + number + slot_offset(slot, len(styles))
                 draw_paper_mark(ax, at, marked[0], style.colour, marked[1])
-    label_groups(ax, [*models, *(MODELS[m] for m in theirs)], len(models))
+    label_groups(ax, [*models, *(MODELS[m] for m in paper_models)], len(models))
 
 
 def _rate_mark(model: str, quantity: str) -> PaperMark | None:
@@ -133,18 +133,18 @@ def _rate_mark(model: str, quantity: str) -> PaperMark | None:
 
 def figure_three(records: Records, beside: bool) -> "Figure":
     """Draw overall success by model; `beside` adds the paper's models on the right."""
-    theirs = list(MODELS) if beside else []
+    paper_models = list(MODELS) if beside else []
     figure, (ax,) = new_figure(7.2, 3.6)
     draw_models(
         ax,
         by_model(records),
         SCORES,
         lambda runs, name: percent_interval(success_rate(runs, name)),
-        theirs,
+        paper_models,
         _rate_mark,
     )
     percent_axis(ax, "successful runs, %")
-    if theirs:
+    if paper_models:
         name_paper(ax, "paper (* follows from its Table I)")
     legend(figure, ax, 4)
     return figure
@@ -152,17 +152,17 @@ def figure_three(records: Records, beside: bool) -> "Figure":
 
 def figure_four(records: Records, beside: bool) -> "Figure":
     """Draw mean latencies by model; `beside` adds the latencies in the paper's text."""
-    theirs = [m for m in MODELS if beside and published(m, "latency_s") is not None]
+    paper_models = [m for m in MODELS if beside and published(m, "latency_s") is not None]
 
     def mark(model: str, name: str) -> PaperMark | None:
         value = published(model, "latency_s") if name == "end to end, station" else None
         return None if value is None else (value.value, f"{value.value:.2f} s")
 
     figure, (ax,) = new_figure(7.2, 3.4)
-    draw_models(ax, by_model(records), SHOWN, _mean, theirs, mark)
+    draw_models(ax, by_model(records), SHOWN, _mean, paper_models, mark)
     ax.set_ylim(bottom=0)
     ax.set_ylabel("mean seconds a run")
-    if theirs:
+    if paper_models:
         name_paper(ax, "paper, end to end")
     legend(figure, ax, 3)
     return figure
@@ -194,13 +194,13 @@ def figure_five(records: Records, beside: bool) -> "Figure":
             return percent_interval(counts.precision if name == "precision" else counts.recall)
 
         after = judgement == "judge, outcome"
-        theirs = [
+        paper_models = [
             m for m in MODELS if beside and after and any(published(m, q) for q in QUANTITIES)
         ]
-        draw_models(ax, models, QUANTITIES, value, theirs, _rate_mark)
+        draw_models(ax, models, QUANTITIES, value, paper_models, _rate_mark)
         percent_axis(ax, "%")
         ax.set_title(title, loc="left", fontsize=9)
-        if theirs:
+        if paper_models:
             name_paper(ax, "paper (* follows from the other two)")
         if after:
             legend(figure, ax, 4)
@@ -211,7 +211,7 @@ def table_one(records: Records, beside: bool) -> "Figure":
     """Draw hybrid and strict success by category, with the paper's values as letters in rings."""
     models = by_model(records)
     categories = grouped(records, lambda record: record.category)
-    theirs = list(MODELS) if beside else []
+    paper_models = list(MODELS) if beside else []
     figure, axes = new_figure(7.2, 5.4, rows=2)
     kinds: tuple[SuccessKind, ...] = ("hybrid", "strict")
     for ax, name in zip(axes, kinds, strict=True):
@@ -222,7 +222,7 @@ def table_one(records: Records, beside: bool) -> "Figure":
             ]
             for number, model in enumerate(models)
         }
-        beside_ours = theirs if name == "hybrid" else []
+        beside_ours = paper_models if name == "hybrid" else []
         slots = len(models) + len(beside_ours)
         draw_bars(ax, bars, slots)
         label_groups(ax, list(categories), len(categories))
@@ -234,7 +234,7 @@ def table_one(records: Records, beside: bool) -> "Figure":
                     at = x + slot_offset(number, slots)
                     draw_paper_letter(ax, at, 100 * values[model], model[0])
         if beside_ours:
-            name_paper(ax, f"paper: {', '.join(f'{model[0]} {model}' for model in theirs)}")
+            name_paper(ax, f"paper: {', '.join(f'{model[0]} {model}' for model in paper_models)}")
         if name == "hybrid":
             legend(figure, ax, 3)
     return figure
@@ -310,9 +310,9 @@ def reliability_diagram(records: Records) -> "Figure":
     shapes = "os^Dv"
     for number, (model, runs) in enumerate(by_model(main_runs(records)).items()):
         points = [
-            (100 * one.confidence, *interval)
-            for one in reliability(confidence_and_success(runs))
-            if (interval := percent_interval(one.strict)) is not None
+            (100 * group.confidence, *interval)
+            for group in reliability(confidence_and_success(runs))
+            if (interval := percent_interval(group.strict)) is not None
         ]
         draw_dots(
             ax, points, model, series_style(number, model).colour, upright=True,

@@ -28,10 +28,10 @@ from pa_console.evaluation.reporting.statistics import (
     seconds,
 )
 from pa_console.evaluation.reporting.tables_judgement import (
-    calibration_tables,
-    confidence_tables,
+    calibration_table,
+    confidence_table,
     judge_tables,
-    reading_tables,
+    reading_table,
 )
 from pa_console.evaluation.reporting.tables_outcomes import (
     FailureKind,
@@ -67,7 +67,7 @@ def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
         f"{name} ({len({run.mission for run in runs})} missions)"
         for name, runs in by_set(records).items()
     ]
-    found = [
+    entries = [
         ("runs", str(len(records))),
         ("models", ", ".join(by_model(records))),
         ("variants", "; ".join(f"{name}: {ABOUT[name]}" if name in ABOUT else name
@@ -77,11 +77,11 @@ def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("seeds", ", ".join(str(seed) for seed in sorted({record.seed for record in records}))),
     ]  # fmt: skip
     if isinstance(seconds := about.get("seconds"), int | float):
-        found.append(("time taken", duration(seconds)))
-    found += [
+        entries.append(("time taken", duration(seconds)))
+    entries += [
         (key.replace("_", " "), _plain(value)) for key, value in about.items() if key not in _KNOWN
     ]
-    return [(name, text) for name, text in found if text]
+    return [(name, text) for name, text in entries if text]
 
 
 def duration(seconds: float) -> str:
@@ -109,7 +109,7 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     main = main_runs(records)
     if not main:
         return ["There is no run here yet."]
-    found = [
+    lines = [
         f"Tables and figures by model show the variant '{main_variant(records)}'; the ablation "
         "shows all.",
         "Intervals take runs as independent. Runs of one mission with several seeds often are "
@@ -119,53 +119,54 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     counts = {model: frozenset(run.case for run in runs) for model, runs in by_model(main).items()}
     if len(set(counts.values())) > 1:
         words = ", ".join(f"{model} {len(cases)}" for model, cases in counts.items())
-        found.append(f"Not every model has run the same missions and seeds ({words}).")
+        lines.append(f"Not every model has run the same missions and seeds ({words}).")
     kind = sum(run.hybrid is True and not run.strict for run in main)
     harsh = sum(run.strict and run.hybrid is False for run in main)
-    found.append(
+    lines.append(
         f"Hybrid and strict disagree on {kind + harsh} of {len(main)} runs: {kind} are a success "
         f"for the judge alone, {harsh} by the truth alone."
     )
     silent = sum(run.judge_outcome is None for run in main)
     if silent:
-        found.append(
+        lines.append(
             f"{silent} of {len(main)} runs have no verdict on the outcome, mostly because nothing "
             "was executed; they count in hybrid as the definition says and in no rate of the judge."
         )
     reused = sum(run.reused > 0 for run in records)
     if reused:
-        found.append(
+        lines.append(
             f"{reused} of {len(records)} runs took an answer that the model had given to an equal "
             "prompt before; the time measured then stands in their latencies."
         )
     ahead = sum(run.read_ahead for run in records)
     if ahead:
-        found.append(
+        lines.append(
             f"In {ahead} of {len(records)} runs the model had read the picture before the command "
             "came, as it has in the console for one who types; the command itself was read after "
             "it was given."
         )
     jobs = about.get("jobs", 1)
     if isinstance(jobs, int) and jobs > 1:
-        found.append(f"{jobs} runs were made at a time, so each had a part of the machine only.")
-    return found
+        lines.append(f"{jobs} runs were made at a time, so each had a part of the machine only.")
+    return lines
 
 
 def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]:
-    """Return the tables of each section of a report, without empty sections."""
-    sections = {
+    """Return the tables with rows of each section of a report, without empty sections."""
+    sections: dict[str, list[ReportTable]] = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
         JUDGE: [
             *judge_tables(records),
-            *confidence_tables(records),
-            *calibration_tables(records),
-            *reading_tables(records),
+            confidence_table(records),
+            calibration_table(records),
+            reading_table(records),
         ],
         ABLATION: ablation_tables(records),
         FAILURES: failure_tables(records),
     }
-    return {title: tables for title, tables in sections.items() if tables}
+    filled = {title: [table for table in of if table.rows] for title, of in sections.items()}
+    return {title: tables for title, tables in filled.items() if tables}
 
 
 def build_tables(records: Sequence[RunRecord]) -> list[ReportTable]:
@@ -216,7 +217,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
     shown = [_write_figure(folder, drawn) for drawn in build_figures(records)]
     sections = [
-        ReportSection(title, [one for one in shown if one.drawn.section == title], tables)
+        ReportSection(title, [figure for figure in shown if figure.drawn.section == title], tables)
         for title, tables in build_sections(records).items()
     ]
     kinds = _kinds(records)

@@ -35,6 +35,10 @@ NOTHING = "-"
 _NUMBER = re.compile(r"[+-]?\d[\d.,]*[%*/]{0,2}( |\d|$)|-$")
 
 Quantity = Literal["hybrid", "strict", "latency_s", "precision", "recall", "f1"]
+SuccessKind = Literal["hybrid", "strict", "obeyed"]
+
+MISSION_SET = "paper"
+"""The mission set of the paper's ten commands; only its runs are comparable with the paper."""
 
 
 class PaperFigure(StrictModel):
@@ -77,9 +81,6 @@ class _Texts(StrictModel):
 TEXTS = Document.read(Path(__file__).with_name("texts.yaml")).parse(_Texts)
 _PAPER = Document.read(Path(__file__).with_name("paper.yaml")).parse(_Paper)
 MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
-
-MISSION_SET = "paper"
-"""The mission set of the paper's ten commands; only its runs are comparable with the paper."""
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:
@@ -183,8 +184,8 @@ class SuccessRate(NamedTuple):
     @classmethod
     def of(cls, results: Iterable[bool | None]) -> "SuccessRate":
         """Return the rate of True among `results`, without values of None."""
-        found = [result for result in results if result is not None]
-        return cls(sum(found), len(found))
+        present = [result for result in results if result is not None]
+        return cls(sum(present), len(present))
 
     @property
     def value(self) -> float | None:
@@ -200,6 +201,11 @@ class SuccessRate(NamedTuple):
     def high(self) -> float:
         """The upper end of the 95 % interval."""
         return wilson(self.successes, self.runs)[1]
+
+
+def success_rate(records: Iterable[RunRecord], kind: SuccessKind = "strict") -> SuccessRate:
+    """Return the rate of success of a `kind` among `records`."""
+    return SuccessRate.of(getattr(record, kind) for record in records)
 
 
 class Confusion(NamedTuple):

@@ -28,15 +28,23 @@ from pa_console.evaluation.reporting.statistics import (
     model_groups,
     needless_refusal,
     published,
-    rate_cell,
+    success_rate,
     table_of,
-    table_of_rows,
 )
 from pa_console.evaluation.run_record import Opinion, RunRecord
 from pa_console.schema.evaluation import Expectation
 from pa_console.session.confidence import UNSURE
 
 VerdictSource = Literal["judge, plan", "judge, outcome", "telemetry"]
+
+CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.reading)
+"""The variants in which the operator chooses another reading."""
+
+LEVELS = (0.5, UNSURE, 0.9)
+"""The levels of confidence in the table."""
+
+BINS = 10
+"""The number of bins of equal width for confidence."""
 
 
 def _telemetry(record: RunRecord) -> Opinion | None:
@@ -53,15 +61,6 @@ JUDGEMENTS: dict[VerdictSource, Callable[[RunRecord], Opinion | None]] = {
 """The sources of a judgement on a run's success, and the judgement of each on a run."""
 
 
-CHOOSING = frozenset(name for name, variant in VARIANTS.items() if variant.reading)
-"""The variants in which the operator chooses another reading."""
-
-LEVELS = (0.5, UNSURE, 0.9)
-"""The levels of confidence in the table."""
-BINS = 10
-"""The number of bins of equal width for confidence."""
-
-
 def confusion(records: Records, judgement: VerdictSource) -> Confusion:
     """Return the counts of `judgement` on `records` against strict success."""
     says = JUDGEMENTS[judgement]
@@ -74,8 +73,7 @@ def judge_tables(records: Records) -> list[ReportTable]:
     tables = [_figure_five(paper)] if paper else []
     if len(paper) < len(main):
         tables.append(_judged(main, "judge-all"))
-    tables.append(_refusals(main))
-    return [table for table in tables if table.rows]
+    return [*tables, _refusals(main)]
 
 
 def _figure_five(records: Records) -> ReportTable:
@@ -152,39 +150,41 @@ def _refusals(records: Records) -> ReportTable:
     return table_of("refusals", ("Model",), columns, groups)
 
 
-def reading_tables(records: Records) -> list[ReportTable]:
-    """Return the table of success before and after a choice among readings, if there were any."""
-    rows: list[tuple[str, ...]] = []
+class _Reread(NamedTuple):
+    """Runs of a model, and its runs of the same cases in which another reading was chosen."""
+
+    runs: Records
+    others: dict[tuple[str, str, int], list[RunRecord]]
+
+    @property
+    def offered(self) -> list[RunRecord]:
+        """The runs in which another reading was offered and is among the others."""
+        return [run for run in self.runs if run.offered and run.case in self.others]
+
+    def best(self, runs: Records) -> SuccessRate:
+        """Return the rate of `runs` that are a strict success as read first or as chosen."""
+        return SuccessRate.of(
+            run.strict
+            or (run.offered > 0 and any(other.strict for other in self.others.get(run.case, ())))
+            for run in runs
+        )
+
+
+def reading_table(records: Records) -> ReportTable:
+    """Return the table of success before and after a choice among readings."""
+    columns: dict[str, Callable[[_Reread], SuccessRate]] = {
+        "offered": lambda of: SuccessRate(len(of.offered), len(of.runs)),
+        "strict as read first": lambda of: success_rate(of.offered),
+        "strict as read or as one offered": lambda of: of.best(of.offered),
+        "strict of all, the right one chosen": lambda of: of.best(of.runs),
+    }
     chosen = by_model([record for record in records if record.variant in CHOOSING])
-    for model, runs in by_model(main_runs(records)).items():
-        if model in chosen:
-            rows.append(_readings_row(model, runs, chosen[model]))
-    table = table_of_rows(
-        "readings",
-        (
-            "Model", "offered", "strict as read first", "strict as read or as one offered",
-            "strict of all, the right one chosen",
-        ),
-        rows,
-    )  # fmt: skip
-    return [table] if rows else []
-
-
-def _readings_row(model: str, runs: Records, chosen: Records) -> tuple[str, ...]:
-    others = grouped(chosen, lambda run: run.case)
-    offered = [run for run in runs if run.offered and run.case in others]
-
-    def right(run: RunRecord) -> bool:
-        again = others[run.case] if run.offered and run.case in others else ()
-        return run.strict or any(other.strict for other in again)
-
-    rates = (
-        SuccessRate(len(offered), len(runs)),
-        SuccessRate.of(run.strict for run in offered),
-        SuccessRate.of(map(right, offered)),
-        SuccessRate.of(map(right, runs)),
-    )
-    return model, *map(rate_cell, rates)
+    groups = {
+        (model,): _Reread(runs, grouped(chosen[model], lambda run: run.case))
+        for model, runs in by_model(main_runs(records)).items()
+        if model in chosen
+    }
+    return table_of("readings", ("Model",), columns, groups)
 
 
 class Bin(NamedTuple):
@@ -201,86 +201,77 @@ def confidence_and_success(records: Records) -> list[tuple[float, bool]]:
     return [(run.confidence, run.strict) for run in records if run.confidence is not None]
 
 
-def reliability(told: Sequence[tuple[float, bool]]) -> list[Bin]:
-    """Return the bins with at least one run, the lowest confidence first."""
+def reliability(pairs: Sequence[tuple[float, bool]]) -> list[Bin]:
+    """Return the bins of confidence and success with a run, the lowest confidence first."""
     bins: dict[int, list[tuple[float, bool]]] = {}
-    for confidence, strict in told:
+    for confidence, strict in pairs:
         bins.setdefault(min(int(confidence * BINS), BINS - 1), []).append((confidence, strict))
-    return [
-        Bin(
-            number / BINS,
-            sum(confidence for confidence, _ in runs) / len(runs),
-            SuccessRate.of(strict for _, strict in runs),
-        )
-        for number, runs in sorted(bins.items())
-    ]
+    return [_bin(number / BINS, bins[number]) for number in sorted(bins)]
 
 
-def calibration_error(told: Sequence[tuple[float, bool]]) -> float | None:
+def _bin(low: float, pairs: Sequence[tuple[float, bool]]) -> Bin:
+    mean = sum(confidence for confidence, _ in pairs) / len(pairs)
+    return Bin(low, mean, SuccessRate.of(strict for _, strict in pairs))
+
+
+def calibration_error(pairs: Sequence[tuple[float, bool]]) -> float | None:
     """Return the expected calibration error, 0 to 1; None if there are no runs."""
     apart = [
-        abs(found.confidence - (found.strict.value or 0.0)) * found.strict.runs
-        for found in reliability(told)
+        abs(of.confidence - (of.strict.value or 0.0)) * of.strict.runs for of in reliability(pairs)
     ]
-    return sum(apart) / len(told) if told else None
+    return sum(apart) / len(pairs) if pairs else None
 
 
-def calibration_tables(records: Records) -> list[ReportTable]:
+def calibration_table(records: Records) -> ReportTable:
     """Return the table of the reliability of each model's confidence, if any was reported."""
-    rows: list[tuple[str, ...]] = []
+    columns: dict[str, Callable[[tuple[Bin, str]], Cell]] = {
+        "mean": lambda row: f"{row[0].confidence:.1%}",
+        "strict": lambda row: row[0].strict,
+        "calibration error": lambda row: row[1],
+    }
+    groups: dict[tuple[str, ...], tuple[Bin, str]] = {}
     for model, runs in by_model(main_runs(records)).items():
-        told = confidence_and_success(runs)
-        error = calibration_error(told)
-        rows += [
-            (
-                model,
-                f"{found.low:.0%} to {found.low + 1 / BINS:.0%}",
-                f"{found.confidence:.1%}",
-                rate_cell(found.strict),
-                "",
-            )
-            for found in reliability(told)
-        ]
-        if error is not None:
-            whole = SuccessRate.of(strict for _, strict in told)
-            mean = sum(confidence for confidence, _ in told) / len(told)
-            rows.append((model, "all", f"{mean:.1%}", rate_cell(whole), f"{error:.3f}"))
-    table = table_of_rows(
-        "calibration", ("Model", "confidence", "mean", "strict", "calibration error"), rows
-    )
-    return [table] if rows else []
+        pairs = confidence_and_success(runs)
+        for of in reliability(pairs):
+            groups[model, f"{of.low:.0%} to {of.low + 1 / BINS:.0%}"] = of, ""
+        if (error := calibration_error(pairs)) is not None:
+            groups[model, "all"] = _bin(0.0, pairs), f"{error:.3f}"
+    return table_of("calibration", ("Model", "confidence"), columns, groups)
 
 
-def confidence_tables(records: Records) -> list[ReportTable]:
+class _Selection(NamedTuple):
+    """The runs of a model with a confidence, divided at a level."""
+
+    runs: Records
+    level: float
+
+    @property
+    def sure(self) -> list[RunRecord]:
+        """The runs with a confidence of at least the level."""
+        return [run for run in self.runs if (run.confidence or 0.0) >= self.level]
+
+    @property
+    def unsure(self) -> list[RunRecord]:
+        """The other runs."""
+        return [run for run in self.runs if (run.confidence or 0.0) < self.level]
+
+    @property
+    def passed(self) -> list[RunRecord]:
+        """The sure runs to which the judge did not object."""
+        return [run for run in self.sure if run.judge_plan != "Failure"]
+
+
+def confidence_table(records: Records) -> ReportTable:
     """Return the table of success by confidence, if any model reported a confidence."""
-    rows: list[tuple[str, ...]] = []
+    columns: dict[str, Callable[[_Selection], SuccessRate]] = {
+        "sure": lambda of: SuccessRate(len(of.sure), len(of.runs)),
+        "strict where sure": lambda of: success_rate(of.sure),
+        "strict where not": lambda of: success_rate(of.unsure),
+        "sure and passed by the judge": lambda of: SuccessRate(len(of.passed), len(of.runs)),
+        "strict of these": lambda of: success_rate(of.passed),
+    }
+    groups: dict[tuple[str, ...], _Selection] = {}
     for model, runs in by_model(main_runs(records)).items():
-        told = [run for run in runs if run.confidence is not None]
-        rows += [_confidence_row(model, level, told) for level in LEVELS if told]
-    table = table_of_rows(
-        "confidence",
-        (
-            "Model", "sure from", "sure", "strict where sure", "strict where not",
-            "sure and passed by the judge", "strict of these",
-        ),
-        rows,
-        unsure=UNSURE,
-    )  # fmt: skip
-    return [table] if rows else []
-
-
-def _confidence_row(model: str, level: float, told: Records) -> tuple[str, ...]:
-    sure = [run for run in told if _is_sure(run, level)]
-    passed = [run for run in sure if run.judge_plan != "Failure"]
-    rates = (
-        SuccessRate(len(sure), len(told)),
-        SuccessRate.of(run.strict for run in sure),
-        SuccessRate.of(run.strict for run in told if run not in sure),
-        SuccessRate(len(passed), len(told)),
-        SuccessRate.of(run.strict for run in passed),
-    )
-    return model, f"{level:.0%}", *map(rate_cell, rates)
-
-
-def _is_sure(run: RunRecord, level: float) -> bool:
-    return run.confidence is not None and run.confidence >= level
+        if estimated := [run for run in runs if run.confidence is not None]:
+            groups |= {(model, f"{level:.0%}"): _Selection(estimated, level) for level in LEVELS}
+    return table_of("confidence", ("Model", "sure from"), columns, groups, unsure=UNSURE)

@@ -29,6 +29,7 @@ from pa_console.evaluation.reporting.statistics import (
     rate_cell,
     seconds,
     spread,
+    success_rate,
     table_of,
     table_of_rows,
 )
@@ -55,7 +56,6 @@ EXAMPLES = 2
 EXECUTED = frozenset(("verified", "unverified"))
 """The statuses of missions with a plan that was executed, at least in part."""
 
-SuccessKind = Literal["hybrid", "strict", "obeyed"]
 SCORES: dict[str, Callable[[Records], SuccessRate]] = {
     "hybrid": lambda runs: success_rate(runs, "hybrid"),
     "strict": lambda runs: success_rate(runs, "strict"),
@@ -89,13 +89,15 @@ def failure_kind(record: RunRecord) -> FailureKind | None:
     """
     if record.strict:
         return None
-    wanted = {"refuse": "refuse", "trim": "carry out a part"}.get(record.expect, "carry out")
+    expected = {"refuse": "refuse", "trim": "carry out a part"}.get(record.expect, "carry out")
     causes = [f"broke {rule}" for rule in sorted({breach.rule_id for breach in record.broken})]
     if record.status in EXECUTED:
         causes += sorted({f"condition on {condition_kind(text)}" for text in record.failed})
     else:
         causes.append(reason_pattern(record.reason))
-    return FailureKind(wanted, record.status, "; ".join(filter(None, causes)) or "no cause is told")
+    return FailureKind(
+        expected, record.status, "; ".join(filter(None, causes)) or "no cause is told"
+    )
 
 
 def condition_kind(condition: str) -> str:
@@ -120,11 +122,6 @@ def reason_pattern(reason: str) -> str:
     return "; ".join(sorted(kinds))
 
 
-def success_rate(records: Records, name: SuccessKind) -> SuccessRate:
-    """Return the rate of success of the kind `name` among `records`."""
-    return SuccessRate.of(getattr(record, name) for record in records)
-
-
 def paper_cell(model: str, quantity: Quantity) -> str:
     """Return the paper's share for its `model`, with a star if the value is derived."""
     value = published(model, quantity)
@@ -142,33 +139,33 @@ def success_tables(records: Records) -> list[ReportTable]:
     tables += [
         _by_category(runs, name) for name, runs in by_set(main).items() if name != MISSION_SET
     ]
-    return [table for table in tables if table.rows]
+    return tables
 
 
 def table_one(records: Records, name: Literal["hybrid", "strict"]) -> ReportTable:
     """Return Table I for the kind of success `name`; for `hybrid`, add the columns of the paper."""
     models = by_model(records)
-    theirs = list(MODELS) if name == "hybrid" else []
+    paper_models = list(MODELS) if name == "hybrid" else []
     rows: list[tuple[str, ...]] = []
     for category, runs in grouped(records, lambda record: record.category).items():
         ours, paper = by_model(runs), HYBRID_BY_CATEGORY.get(category, {})
         rates = (success_rate(ours.get(model, []), name) for model in models)
-        papers = (percent(paper.get(model)) for model in theirs)
+        papers = (percent(paper.get(model)) for model in paper_models)
         rows.append((category, *map(rate_cell, rates), *papers))
     totals = (rate_cell(success_rate(runs, name)) for runs in models.values())
-    rows.append(("All", *totals, *(paper_cell(model, "hybrid") for model in theirs)))
-    columns = ("Scenario", *models, *(f"paper: {model}" for model in theirs))
+    rows.append(("All", *totals, *(paper_cell(model, "hybrid") for model in paper_models)))
+    columns = ("Scenario", *models, *(f"paper: {model}" for model in paper_models))
     return table_of_rows(f"table-1-{name}", columns, rows)
 
 
 def figure_three(records: Records) -> ReportTable:
     """Return overall success by model (Fig. 3), followed by the paper's models."""
     own = table_of("figure-3", ("Model",), SCORES, model_groups(records))
-    theirs = [
+    paper_rows = [
         (f"paper: {full}", paper_cell(model, "hybrid"), paper_cell(model, "strict"), NOTHING)
         for model, full in MODELS.items()
     ]
-    return own.model_copy(update={"rows": (*own.rows, *theirs)})
+    return own.model_copy(update={"rows": (*own.rows, *paper_rows)})
 
 
 def _by_set(records: Records) -> ReportTable:
@@ -205,10 +202,14 @@ class Difference(NamedTuple):
 
 def difference(records: Records, reference: Records) -> Difference:
     """Return the difference between runs of the same mission and seed."""
-    known = {record.case: record.strict for record in reference}
-    both = [(record.strict, known[record.case]) for record in records if record.case in known]
-    better = sum(mine and not theirs for mine, theirs in both)
-    return Difference(len(both), better, sum(theirs and not mine for mine, theirs in both))
+    strict_of = {record.case: record.strict for record in reference}
+    both = [
+        (record.strict, strict_of[record.case]) for record in records if record.case in strict_of
+    ]
+    better = sum(mine and not reference_strict for mine, reference_strict in both)
+    return Difference(
+        len(both), better, sum(reference_strict and not mine for mine, reference_strict in both)
+    )
 
 
 def reference_variant(records: Records) -> str:
@@ -228,8 +229,8 @@ def ablation_tables(records: Records) -> list[ReportTable]:
 def variants_of(records: Records) -> dict[str, list[RunRecord]]:
     """Return the runs by variant, the reference first."""
     reference = reference_variant(records)
-    found = grouped(records, lambda record: record.variant)
-    return {reference: found[reference], **found}
+    variants = grouped(records, lambda record: record.variant)
+    return {reference: variants[reference], **variants}
 
 
 def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) -> ReportTable:
@@ -246,13 +247,13 @@ def _ablation(model: str, records: Records, others: dict[str, list[RunRecord]]) 
 
 
 def _row(name: str, runs: Records, reference: Records) -> tuple[str, ...]:
-    found = difference(runs, reference)
+    change = difference(runs, reference)
     same = runs is reference
     return (
         name,
         rate_cell(success_rate(runs, "strict")),
-        NOTHING if same or found.points is None else f"{found.points:+.0f}",
-        NOTHING if same else f"{found.better}/{found.worse}",
+        NOTHING if same or change.points is None else f"{change.points:+.0f}",
+        NOTHING if same else f"{change.better}/{change.worse}",
         rate_cell(success_rate(runs, "obeyed")),
         rate_cell(success_rate(runs, "hybrid")),
         rate_cell(refusal_recall(runs)),
@@ -266,15 +267,14 @@ def _tokens(records: Records) -> str:
     used = [run.planner for run in records if run.planner.prompt_tokens]
     if not used:
         return NOTHING
-    asked = median(usage.prompt_tokens for usage in used)
-    return f"{asked:.0f} / {median(usage.completion_tokens for usage in used):.0f}"
+    prompt_tokens = median(usage.prompt_tokens for usage in used)
+    return f"{prompt_tokens:.0f} / {median(usage.completion_tokens for usage in used):.0f}"
 
 
 def failure_tables(records: Records) -> list[ReportTable]:
     """Return the tables of the most common failures of each model, and of attempts."""
     main = main_runs(records)
-    tables = [_failures(model, runs) for model, runs in by_model(main).items()]
-    return [table for table in (*tables, _attempts(main)) if table.rows]
+    return [*(_failures(model, runs) for model, runs in by_model(main).items()), _attempts(main)]
 
 
 def _failures(model: str, records: Records) -> ReportTable:
@@ -303,7 +303,7 @@ def _failures(model: str, records: Records) -> ReportTable:
 def _examples(runs: Sequence[RunRecord]) -> str:
     """Return the ids of up to EXAMPLES runs of different missions."""
     missions = grouped(runs, lambda record: record.mission)
-    return ", ".join(found[0].run for found in list(missions.values())[:EXAMPLES])
+    return ", ".join(examples[0].run for examples in list(missions.values())[:EXAMPLES])
 
 
 def _attempts(records: Records) -> ReportTable:
@@ -359,19 +359,18 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 def latency_tables(records: Records) -> list[ReportTable]:
     """Return Fig. 4, for the paper's missions if there are runs of them, and all stages."""
     main, paper = main_runs(records), comparable_runs(records)
-    tables = [_figure_four(paper or main, bool(paper)), _stages(main)]
-    return [table for table in tables if table.rows]
+    return [_figure_four(paper or main, bool(paper)), _stages(main)]
 
 
 def _figure_four(records: Records, comparable: bool) -> ReportTable:
     rows: list[tuple[str, ...]] = []
     for model, runs in by_model(records).items():
         for name, measure in LATENCIES.items():
-            found = spread([measure(record) for record in runs])
-            if found is not None:
-                mean = f"{seconds(found.mean)} ± {seconds(found.margin)}"
-                cells = (mean, seconds(found.median), seconds(found.p95))
-                rows.append((model, name, *cells, str(found.n)))
+            times = spread([measure(record) for record in runs])
+            if times is not None:
+                mean = f"{seconds(times.mean)} ± {seconds(times.margin)}"
+                cells = (mean, seconds(times.median), seconds(times.p95))
+                rows.append((model, name, *cells, str(times.n)))
     if rows and comparable:
         for model, full in MODELS.items():
             value = published(model, "latency_s")
@@ -395,15 +394,15 @@ def _stages(records: Records) -> ReportTable:
 
 def _stage_cell(records: Records, stage: str) -> str:
     taken = [stage_seconds(record, stage) for record in records]
-    found = spread(taken)
-    if found is None:
+    times = spread(taken)
+    if times is None:
         return NOTHING
-    cell = f"{seconds(found.median)} / {seconds(found.p95)}"
+    cell = f"{seconds(times.median)} / {seconds(times.p95)}"
     whole = sum(stage_seconds(record, name) for record in records for name in STAGES)
     return f"{cell}, {100 * sum(taken) / whole:.1f}%" if stage in STAGES and whole else cell
 
 
 def decision_median(records: Records) -> str:
     """Return the median decision latency of `records` as text."""
-    found = spread([decision_seconds(record) for record in records])
-    return NOTHING if found is None else seconds(found.median)
+    times = spread([decision_seconds(record) for record in records])
+    return NOTHING if times is None else seconds(times.median)

@@ -101,14 +101,14 @@ def _fields(before: Plain, after: Plain) -> Iterator[FieldChange]:
             continue
         old, new = dict(_leaves(name, a)), dict(_leaves(name, b))
         places = (*old, *(place for place in new if place not in old))
-        found = [
+        changes = [
             FieldChange(place, old.get(place), new.get(place))
             for place in places
             if place not in old
             or place not in new
             or canonical(old[place]) != canonical(new[place])
         ]
-        yield from found or (FieldChange(name, a, b),)
+        yield from changes or (FieldChange(name, a, b),)
 
 
 def _leaves(place: str, value: object) -> Iterator[tuple[str, object]]:

@@ -111,6 +111,8 @@ _UNKNOWN: Values = {
 GIVEN = ("assets", "tracks", "gates", "after", "timeline", "sightings")
 MISSION_TEXT = "Secure the checkpoint."
 
+_SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
+
 
 def situation(given: Values, world: World = WORLD) -> Values:
     """Return the picture of the `given` assets, tracks and gates as plain values.
@@ -234,13 +236,13 @@ def _contacts(track: Values, plan: Plan, world: World) -> Values:
 
 def _outcome(action: Action, before: Values, world: World) -> Values:
     asset, frame = before["assets"][action.agent], goes_to(action, world)
-    there = any(track["gate"] == frame for track in before["tracks"].values())
+    occupied = any(track["gate"] == frame for track in before["tracks"].values())
     detail = ""
     if not asset["available"]:
         detail = f"{action.agent} is not available"
     elif frame and frame not in world.frames:
         detail = f"no frame {frame}"
-    elif action.verb in ADDRESSING and not there:
+    elif action.verb in ADDRESSING and not occupied:
         detail = f"no track at {frame}"
     return {"finished": not detail, "detail": detail, "least_battery_pct": asset["battery_pct"]}
 
@@ -251,9 +253,9 @@ def run_moments(entry: CompiledRule, example: RuleExample) -> Finding:
     Raises the errors of `example_moments`.
     """
     monitor = Monitor(Rulebook("example", "", (entry,)), WORLD)
-    found = [new for now in example_moments(example) for new in monitor.observe(now)]
-    found += monitor.finish()
-    return found[0] if found else finding(entry.rule, "complies")
+    findings = [new for now in example_moments(example) for new in monitor.observe(now)]
+    findings += monitor.finish()
+    return findings[0] if findings else finding(entry.rule, "complies")
 
 
 def example_moments(example: RuleExample) -> tuple[Moment, ...]:
@@ -266,8 +268,8 @@ def example_moments(example: RuleExample) -> tuple[Moment, ...]:
     for number, change in enumerate(example.moments):
         unknown = sorted(set(change) - set(CHANGES))
         if unknown:
-            known = ", ".join(CHANGES)
-            raise ValueError(f"moments.{number}.{unknown[0]} is unknown; known: {known}")
+            choices = ", ".join(CHANGES)
+            raise ValueError(f"moments.{number}.{unknown[0]} is unknown; known: {choices}")
         state = _changed(state, change)
         moments.append(Moment.model_validate_json(json.dumps(state)))
     return tuple(moments)
@@ -275,9 +277,9 @@ def example_moments(example: RuleExample) -> tuple[Moment, ...]:
 
 def _changed(state: Values, change: Values) -> Values:
     named: Values = change.get("tracks", {})
-    known: Values = state["tracks"]
-    tracks = known | {
-        name: overlay(known.get(name) or _UNKNOWN, facts)
+    states: Values = state["tracks"]
+    tracks = states | {
+        name: overlay(states.get(name) or _UNKNOWN, facts)
         for name, facts in named.items()
         if facts is not None
     }
@@ -299,9 +301,6 @@ def _order(words: Iterable[object]) -> Values:
     kind = WORLD.assets[agent].kind
     target, done = action.target, rest == ["done"]
     return {"agent": agent, "kind": kind, "verb": action.verb, "target": target, "done": done}
-
-
-_SIGHTINGS: TypeAdapter[list[TrackSighting]] = TypeAdapter(list[TrackSighting])
 
 
 def run_example(rule: Rule, example: RuleExample) -> Finding:
@@ -368,8 +367,8 @@ def example_sightings(example: RuleExample, now_s: float) -> Sightings:
     facts: list[Any] = []
     for entry in example.given.get("sightings", ()):
         age_s: float = entry.get("age_s", 0.0)
-        known = {key: value for key, value in entry.items() if key != "age_s"}
-        facts.append({"gate": "", "stamp_s": now_s - age_s} | known)
+        fields = {key: value for key, value in entry.items() if key != "age_s"}
+        facts.append({"gate": "", "stamp_s": now_s - age_s} | fields)
     return Sightings(WORLD, _SIGHTINGS.validate_python(facts))
 
 

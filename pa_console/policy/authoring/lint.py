@@ -69,15 +69,15 @@ class NameLint:
         field = "check" if rule.check is not None else "order"
         for kind, name in sorted(set(_LOOKED_UP.findall(code))):
             if name not in self._known[kind]:
-                known = ", ".join(self._known[kind])
+                names = ", ".join(self._known[kind])
                 problem = f"it looks up {name!r} among the {kind} of {self._world!r}: not there"
                 yield Doubt(
-                    rule, field, "unknown name", problem, f"name one of {known}, or go through all"
+                    rule, field, "unknown name", problem, f"name one of {names}, or go through all"
                 )
-        said = {name for name, spelling in self._named.items() if spelling.search(rule.text)}
+        mentioned = {name for name, spelling in self._named.items() if spelling.search(rule.text)}
         coded = {name for name in self._named if re.search(rf"\b{re.escape(name)}\b", code)}
-        if said != coded:
-            problem = f"the text names {_list(said)}, the check {_list(coded)}"
+        if mentioned != coded:
+            problem = f"the text names {_list(mentioned)}, the check {_list(coded)}"
             yield Doubt(rule, field, "text and check disagree", problem, "name the same in both")
         kinds = {kind for kind in self._kinds if re.search(rf"(?i)\b{kind}s?\b", rule.text)}
         coded_kinds = {kind for kind in self._kinds if re.search(rf"['\"]{kind}['\"]", code)}
@@ -162,10 +162,10 @@ def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
             continue
         texts = made.paraphrases(rule)
         lost = [name for name, text in texts.items() if not _finds(retriever, text, rule)]
-        found = len(texts) - len(lost)
-        if found < FEWEST * len(texts):
+        retrieved = len(texts) - len(lost)
+        if retrieved < FEWEST * len(texts):
             problem = (
-                f"only {found} of {len(texts)} paraphrases find it, not: {', '.join(lost[:3])}"
+                f"only {retrieved} of {len(texts)} paraphrases find it, not: {', '.join(lost[:3])}"
                 f"{f' and {len(lost) - 3} more' if len(lost) > 3 else ''}"
             )
             remedy = "give it tags that operators use, or words of its own"
@@ -292,7 +292,7 @@ def search_steps(rule_set: RuleSet, states: int) -> int:
 def _placed(document: Document, rule_set: RuleSet, doubts: list[Doubt]) -> list[LintFinding]:
     """Return `doubts` with their lines, in the order of the file."""
     places = {rule.id: index for index, rule in enumerate(rule_set.rules)}
-    found = [
+    placed = [
         LintFinding(
             doubt.rule.id,
             document.line(("rules", places[doubt.rule.id], doubt.field)),
@@ -303,7 +303,7 @@ def _placed(document: Document, rule_set: RuleSet, doubts: list[Doubt]) -> list[
         )
         for doubt in doubts
     ]
-    return sorted(found, key=lambda finding: (finding.line, finding.kind))
+    return sorted(placed, key=lambda finding: (finding.line, finding.kind))
 
 
 def _examples(rule: Rule) -> Iterator[Doubt]:

@@ -83,7 +83,7 @@ def search_states(
     for state in states:
         bit = 1 << search.states
         monitor = Monitor(book, state.world, state.sightings)
-        for found in check_plan(
+        for finding in check_plan(
             book,
             plan=state.plan,
             rehearsal=state.rehearsal,
@@ -91,13 +91,13 @@ def search_states(
             world=state.world,
             monitor=monitor,
         ):
-            seen = search.rules[found.rule_id]
-            if found.status == "error":
+            seen = search.rules[finding.rule_id]
+            if finding.status == "error":
                 seen.failed |= bit
-                seen.problem = seen.problem or found.message
+                seen.problem = seen.problem or finding.message
             else:
-                seen.applied |= bit if found.status != "not_applicable" else 0
-                seen.broken |= bit if found.broken else 0
+                seen.applied |= bit if finding.status != "not_applicable" else 0
+                seen.broken |= bit if finding.broken else 0
         search.states += 1
         step()
     return search
@@ -166,7 +166,7 @@ class Conflicts:
 
     def doubts(self, count: int, step: Callable[[], None] = lambda: None) -> Iterator[Doubt]:
         """Search up to `count` situations, the ordinary one first; `step` is called after each."""
-        told: set[tuple[str, ...]] = set()
+        reported: set[tuple[str, ...]] = set()
         hard = 0
         for number in range(count):
             situation = draw_situation(self._world, self._dice) if number else LintSituation()
@@ -177,8 +177,8 @@ class Conflicts:
                 continue
             hard += 1
             rules = _fewest(self._book, broken)
-            if rules and rules not in told:
-                told.add(rules)
+            if rules and rules not in reported:
+                reported.add(rules)
                 yield self._doubt(rules, situation, len(broken))
 
     def _every_plan(self, situation: LintSituation) -> list[Broken]:
@@ -209,10 +209,10 @@ class Conflicts:
         """Yield plans with the same one or two orders for every place with a track."""
         places = dict.fromkeys(str(facts["gate"]) for facts in situation.tracks.values())
         verbs = sorted({order.verb for order in orders if order.target is not None})
-        for wanted in (*((verb,) for verb in verbs), *combinations(verbs, 2)):
+        for allowed in (*((verb,) for verb in verbs), *combinations(verbs, 2)):
             plan: dict[str, Action] = {}
             for place in places:
-                for verb in wanted:
+                for verb in allowed:
                     able = (o for o in orders if o.verb == verb and o.target == place)
                     chosen = next((o for o in able if o.agent not in plan), None)
                     if chosen is not None:
@@ -229,7 +229,7 @@ class Conflicts:
             world=self._world,
             monitor=Monitor(self._book, self._world),
         )
-        return frozenset(found.rule_id for found in findings if found.status == "violates")
+        return frozenset(finding.rule_id for finding in findings if finding.status == "violates")
 
     def _orders(self, situation: LintSituation) -> list[Action]:
         """Return every possible order, shuffled; orders to places with tracks come first.
@@ -268,9 +268,9 @@ class Conflicts:
 def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:
     """Return the smallest set of rules that no plan satisfies, in file order; () if too large."""
     named = frozenset[str]().union(*broken)
-    known = [rule.id for rule in book.rules if rule.id in named]
+    candidates = [rule.id for rule in book.rules if rule.id in named]
     for size in range(1, LARGEST + 1):
-        for rules in combinations(known, size):
+        for rules in combinations(candidates, size):
             if all(not plan.isdisjoint(rules) for plan in broken):
                 return rules
     return ()

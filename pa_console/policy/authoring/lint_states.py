@@ -32,6 +32,43 @@ POSTS = 1
 EACH_KIND = 3
 NOW_S = 100.0
 
+MOST_ORDERS = 3
+
+MOST_TRACKS = 2
+
+_ASSET_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("status", ("failed", "degraded")),
+    ("battery_pct", (0.0, 12.0)),
+    ("comms", ("degraded", "lost")),
+    ("stale", (True,)),
+    ("integrity", ("suspect",)),
+    ("task", ("identifying", "warning", "blocking", "charging", "moving")),
+)
+
+_TRACK_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("kind", ("person",)),
+    ("identity", ("authorized", "unauthorized")),
+    ("intent", ("benign", "hostile")),
+    ("status", ("stopped", "leaving", "inside")),
+    ("observed", (True,)),
+    ("warned", (True,)),
+    ("defiant", (True,)),
+    ("noncombatants", (True,)),
+    ("stale", (True,)),
+)
+
+_ASSET_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("finished", (False,)),
+    ("left_perimeter", (True,)),
+    ("least_battery_pct", (0.0, 8.0)),
+)
+
+_TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
+    ("observed_s", (5.0, 40.0)),
+    ("identified_s", (20.0, 50.0)),
+    ("least_distance_m", (1.0, 30.0)),
+)
+
 
 def small_world(world: World, named: Collection[str]) -> World:
     """Return `world` with few gates, posts and assets; the `named` ones are kept first.
@@ -91,40 +128,6 @@ def rehearsal_of(world: World, situation: LintSituation, plan: Plan) -> Rehearsa
     }
     given = {"assets": situation.assets, "tracks": situation.tracks, "timeline": course}
     return rehearsal_in(world, given, plan)
-
-
-MOST_ORDERS = 3
-MOST_TRACKS = 2
-
-_ASSET_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
-    ("status", ("failed", "degraded")),
-    ("battery_pct", (0.0, 12.0)),
-    ("comms", ("degraded", "lost")),
-    ("stale", (True,)),
-    ("integrity", ("suspect",)),
-    ("task", ("identifying", "warning", "blocking", "charging", "moving")),
-)
-_TRACK_FACTS: tuple[tuple[str, tuple[object, ...]], ...] = (
-    ("kind", ("person",)),
-    ("identity", ("authorized", "unauthorized")),
-    ("intent", ("benign", "hostile")),
-    ("status", ("stopped", "leaving", "inside")),
-    ("observed", (True,)),
-    ("warned", (True,)),
-    ("defiant", (True,)),
-    ("noncombatants", (True,)),
-    ("stale", (True,)),
-)
-_ASSET_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
-    ("finished", (False,)),
-    ("left_perimeter", (True,)),
-    ("least_battery_pct", (0.0, 8.0)),
-)
-_TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
-    ("observed_s", (5.0, 40.0)),
-    ("identified_s", (20.0, 50.0)),
-    ("least_distance_m", (1.0, 30.0)),
-)
 
 
 class SearchState(NamedTuple):

@@ -88,9 +88,9 @@ def run_examples(rule: Rule) -> tuple[ExampleResult, ...]:
 
 
 def _run(rule: Rule, example: RuleExample) -> ExampleResult:
-    found = run_example(rule, example)
-    got = _STATUS.get(found.status, found.status)
-    return ExampleResult(example.name, example.expect, got, found.message)
+    result = run_example(rule, example)
+    got = _STATUS.get(result.status, result.status)
+    return ExampleResult(example.name, example.expect, got, result.message)
 
 
 def _refuse_unknown(document: Document) -> None:
@@ -98,8 +98,8 @@ def _refuse_unknown(document: Document) -> None:
     fields = cast(Plain, document.value) if isinstance(document.value, dict) else {}
     for key in fields:
         if key not in Rule.model_fields:
-            known = ", ".join(Rule.model_fields)
-            raise document.error((str(key),), f"there is no such field; known: {known}")
+            names = ", ".join(Rule.model_fields)
+            raise document.error((str(key),), f"there is no such field; known: {names}")
 
 
 def _document_problem(error: DocumentError) -> Problem:
@@ -133,8 +133,8 @@ def _place(document: Document, text: str, error: ExpressionError) -> tuple[int, 
 
 def _inside(problem: str, source: str) -> tuple[int, int] | None:
     """Return line and column, from 1, of a problem within the expression `source`."""
-    if (found := _CEL_PLACE.search(problem)) is not None:
-        return int(found[1]), int(found[2])
+    if (match := _CEL_PLACE.search(problem)) is not None:
+        return int(match[1]), int(match[2])
     unknown = _UNKNOWN.match(problem)
     at = re.search(rf"\b{unknown[1]}\b", source) if unknown is not None else None
     if at is None:

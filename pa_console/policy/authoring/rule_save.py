@@ -18,6 +18,29 @@ from pa_console.policy.rulebook import compile_rule_set, parse_rule_set
 from pa_console.private_files import mode_of, replace_private
 from pa_console.schema.document import Document, DocumentError, read_bytes
 
+_FORM = """\
+id: {id}
+domain: {domain}
+priority: high
+text: "What must or must not be, in one sentence."
+tags: []
+# A guard: the check is made only where it holds. Leave it out to check every plan.
+applies: "size(actions) > 0"
+# What must hold: true, or an empty list of offenders, which are put after the message.
+check: |-
+  actions
+    .filter(a, a.verb == 'move_to' && a.goes_to == 'Nowhere')
+    .map(a, a.agent)
+message: "what is wrong, of these"
+examples:
+  - name: keeps to it
+    expect: pass
+    plan: [[Drone_T04, observe WestGate]]
+  - name: breaks it
+    expect: fail
+    plan: [[Drone_T04, move_to Nowhere]]
+"""
+
 
 @dataclass(frozen=True)
 class _Block:
@@ -169,8 +192,8 @@ class RuleText:
         return self.text.rfind("\n", 0, place) + 1
 
     def _line_end(self, place: int) -> int:
-        found = self.text.find("\n", place)
-        return len(self.text) if found < 0 else found + 1
+        end = self.text.find("\n", place)
+        return len(self.text) if end < 0 else end + 1
 
     def _indent(self, block: _Block) -> int:
         return block.body - self._line_start(block.body)
@@ -227,8 +250,8 @@ def _id_of(node: yaml.Node) -> str:
 def _parts(edited: str) -> tuple[str, str]:
     """Return the comments at the beginning of a rule's text, and the rest of the text."""
     text = edited.replace("\r\n", "\n").strip("\n") + "\n"
-    found = re.match(r"(?:#[^\n]*\n|[ \t]*\n)*", text)
-    at = found.end() if found is not None else 0
+    match = re.match(r"(?:#[^\n]*\n|[ \t]*\n)*", text)
+    at = match.end() if match is not None else 0
     return text[:at], text[at:]
 
 
@@ -314,16 +337,16 @@ def _replace(opened: OpenRule, change: Callable[[RuleText], str], *, anyway: boo
     if opened.id:
         _known(cut, opened.id)
     new = change(cut)
-    found = _checked(path, cut, new, opened.id)
+    checked = _checked(path, cut, new, opened.id)
     written = new.encode()
     if written != content:
         _write(path, written)
     after = RuleText(str(path), new)
-    if not found:
+    if not checked:
         return OpenRule(path, _sha256(written), "", "", 0, after.ids)
-    text = after.rule(found)
-    others = _others(after, found)
-    return OpenRule(path, _sha256(written), found, text, after.line(found), others)
+    text = after.rule(checked)
+    others = _others(after, checked)
+    return OpenRule(path, _sha256(written), checked, text, after.line(checked), others)
 
 
 def _checked(path: Path, before: RuleText, new: str, rule_id: str) -> str:
@@ -372,27 +395,3 @@ def _others(cut: RuleText, rule_id: str) -> tuple[str, ...]:
 
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
-
-
-_FORM = """\
-id: {id}
-domain: {domain}
-priority: high
-text: "What must or must not be, in one sentence."
-tags: []
-# A guard: the check is made only where it holds. Leave it out to check every plan.
-applies: "size(actions) > 0"
-# What must hold: true, or an empty list of offenders, which are put after the message.
-check: |-
-  actions
-    .filter(a, a.verb == 'move_to' && a.goes_to == 'Nowhere')
-    .map(a, a.agent)
-message: "what is wrong, of these"
-examples:
-  - name: keeps to it
-    expect: pass
-    plan: [[Drone_T04, observe WestGate]]
-  - name: breaks it
-    expect: fail
-    plan: [[Drone_T04, move_to Nowhere]]
-"""

@@ -179,7 +179,7 @@ def _without_layout(source: str) -> str:
     if begins is None:
         return source
     return _ESCAPED_OR_CLASS.sub(
-        lambda found: found[0] if found[0][0] in "\\[" else "", source[begins.end() :]
+        lambda match: match[0] if match[0][0] in "\\[" else "", source[begins.end() :]
     )
 
 
@@ -324,7 +324,7 @@ def _compiled(source: str, text: Source) -> cel.Program:
 
 def _syntax_problem(error: ValueError) -> str:
     """Return the parser's complaint without the expression that it repeats."""
-    found = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
-    if found is None:
+    match = re.search(r"<input>:(\d+):(\d+): (.*)", str(error))
+    if match is None:
         return str(error).splitlines()[0]
-    return f"line {found[1]}, column {found[2]}: {found[3].split(' expecting ')[0]}"
+    return f"line {match[1]}, column {match[2]}: {match[3].split(' expecting ')[0]}"

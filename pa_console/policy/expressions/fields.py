@@ -20,6 +20,8 @@ fields of its elements."""
 _LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
 """Operators with two operands, lowest precedence first."""
 
+_COMMA = ExpressionToken("sign", ",")
+
 
 @dataclass(frozen=True)
 class Record:
@@ -54,12 +56,12 @@ def everything(names: Iterable[str]) -> Fields:
 
 def united(parts: Iterable[Fields]) -> Fields:
     """Return the union of the fields that `parts` read."""
-    found: dict[str, Fields | None] = {}
+    merged: dict[str, Fields | None] = {}
     for part in parts:
         for name, inner in part.items():
-            known = found.get(name, {})
-            found[name] = None if known is None or inner is None else united((known, inner))
-    return found
+            fields = merged.get(name, {})
+            merged[name] = None if fields is None or inner is None else united((fields, inner))
+    return merged
 
 
 def within(fields: Fields | None, name: str) -> Fields | None:
@@ -168,12 +170,12 @@ class _FieldReader:
     def _binary(self, level: int) -> _Value:
         if level == len(_LEVELS):
             return self._unary()
-        found = self._binary(level + 1)
+        value = self._binary(level + 1)
         while (sign := self._sign()) in _LEVELS[level]:
             self._at += 1
-            self._operation(sign, found, self._binary(level + 1))
-            found = None
-        return found
+            self._operation(sign, value, self._binary(level + 1))
+            value = None
+        return value
 
     def _operation(self, sign: str, left: _Value, right: _Value) -> None:
         if sign in ("==", "!=") and (left is _NULL or right is _NULL):
@@ -188,19 +190,19 @@ class _FieldReader:
         return self._member()
 
     def _member(self) -> _Value:
-        found = self._primary()
+        value = self._primary()
         while True:
             if self._take("."):
                 name = self._name()
-                found = self._method(name, found) if self._take("(") else _select(found, name)
+                value = self._method(name, value) if self._take("(") else _select(value, name)
             elif self._take("["):
                 _whole(self.expression())
                 self._expect("]")
-                if found is not None and found.element is None:
-                    _whole(found)
-                found = None if found is None else found.element
+                if value is not None and value.element is None:
+                    _whole(value)
+                value = None if value is None else value.element
             else:
-                return found
+                return value
 
     def _method(self, name: str, target: _Value) -> _Value:
         if name in LOOPS and self._tokens[self._at + 1 : self._at + 2] == (_COMMA,):
@@ -242,9 +244,9 @@ class _FieldReader:
                 raise NotUnderstoodError("messages are not known")
             return self._call(token.text) if self._take("(") else self._variable(token.text)
         if token.text == "(":
-            found = self.expression()
+            value = self.expression()
             self._expect(")")
-            return found
+            return value
         if token.text in ("[", "{"):
             _whole(*self._until("]" if token.text == "[" else "}"))
             return None
@@ -267,15 +269,15 @@ class _FieldReader:
 
     def _until(self, close: str) -> list[_Value]:
         """Return the parts up to the bracket `close`: arguments, elements, or keys and values."""
-        found: list[_Value] = []
+        values: list[_Value] = []
         while not self._take(close):
-            found.append(self.expression())
+            values.append(self.expression())
             if close == "}":
                 self._expect(":")
-                found.append(self.expression())
+                values.append(self.expression())
             if self._sign() != close:
                 self._expect(",")
-        return found
+        return values
 
     def _sign(self) -> str:
         """Return the next token if it may be an operator or a bracket, else ''."""
@@ -285,9 +287,9 @@ class _FieldReader:
         return token.text if token.kind == "sign" or token.text == "in" else ""
 
     def _take(self, sign: str) -> bool:
-        found = self._sign() == sign
-        self._at += found
-        return found
+        matches = self._sign() == sign
+        self._at += matches
+        return matches
 
     def _expect(self, sign: str) -> None:
         if not self._take(sign):
@@ -298,9 +300,6 @@ class _FieldReader:
             raise NotUnderstoodError("a name is missing")
         self._at += 1
         return self._tokens[self._at - 1].text
-
-
-_COMMA = ExpressionToken("sign", ",")
 
 
 def _select(value: _Value, name: str) -> _Value:

@@ -66,9 +66,9 @@ def _meant(words: str, *names: str) -> bool:
     """Return whether one of the patterns occurs in `words` without a negation."""
     patterns = forbidden_patterns()
     for name in names:
-        for found in patterns[name].finditer(words):
-            before = re.split(r"[.,;:!?]", words[: found.start()])[-1]
+        for match in patterns[name].finditer(words):
+            before = re.split(r"[.,;:!?]", words[: match.start()])[-1]
             negated = patterns["negation_before"].search(before)
-            if not negated and not patterns["negation_after"].search(words[found.end() :]):
+            if not negated and not patterns["negation_after"].search(words[match.end() :]):
                 return True
     return False

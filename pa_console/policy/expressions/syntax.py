@@ -133,17 +133,17 @@ class Source:
 
     def _arguments(self, opening: int) -> list[tuple[int, int]]:
         """Return the first and last place of every argument in the brackets at `opening`."""
-        found: list[tuple[int, int]] = []
+        places: list[tuple[int, int]] = []
         first = place = opening + 1
         close = self._tokens[opening].close
         while place <= close:
             if place == close or self._tokens[place].text == ",":
-                found.append((first, place - 1))
+                places.append((first, place - 1))
                 first = place + 1
             elif self._tokens[place].close > place:
                 place = self._tokens[place].close
             place += 1
-        return found
+        return places
 
     def _find_loops(self) -> Iterator[Loop]:
         for place, token in enumerate(self._tokens):
@@ -208,7 +208,7 @@ class Source:
 
 
 def _tokens(text: str) -> list[ExpressionToken]:
-    found: list[ExpressionToken] = []
+    tokens: list[ExpressionToken] = []
     place = 0
     while place < len(text):
         match = _TOKEN.match(text, place)
@@ -219,12 +219,12 @@ def _tokens(text: str) -> list[ExpressionToken]:
         place = match.end()
         kind = match.lastgroup
         if kind != "space":
-            found.append(ExpressionToken(kind, match[0]))  # pyright: ignore[reportArgumentType] - a group's
-            if len(found) > MAX_TOKENS:
+            tokens.append(ExpressionToken(kind, match[0]))  # pyright: ignore[reportArgumentType] - a group's
+            if len(tokens) > MAX_TOKENS:
                 raise ValueError(
                     f"too large: more than {MAX_TOKENS} names, values and signs; split the rule"
                 )
-    return found
+    return tokens
 
 
 def _matched(tokens: list[ExpressionToken]) -> tuple[list[ExpressionToken], str]:

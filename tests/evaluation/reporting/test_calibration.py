@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pa_console.evaluation.reporting.report import write_report
 from pa_console.evaluation.reporting.tables_judgement import (
     calibration_error,
-    calibration_tables,
+    calibration_table,
     reliability,
 )
 from tests.evaluation.records import made_record
@@ -43,9 +43,9 @@ def test_a_report_shows_the_error_and_the_diagram_where_models_tell_how_sure_the
         made_record(seed=seed, confidence=0.75, strict=strict)
         for seed, strict in enumerate((True, True, True, False))
     ]
-    (table,) = calibration_tables(records)
+    table = calibration_table(records)
     assert [row[1] for row in table.rows] == ["70% to 80%", "all"]
     assert table.rows[-1][-1] == "0.000"
     write_report(tmp_path, records, {})
     assert (tmp_path / "figures" / "reliability.svg").stat().st_size > 0
-    assert calibration_tables([made_record()]) == []
+    assert not calibration_table([made_record()]).rows
