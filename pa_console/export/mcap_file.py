@@ -238,7 +238,7 @@ def _resolved(schema: Schema) -> Schema:
     return put(schema)
 
 
-NEEDED = f"MCAP files need one more package: {install_hint('mcap')}"
+NEEDED = f"MCAP files need another package: {install_hint('mcap')}"
 
 
 class LogMessage(BaseModel):

@@ -126,7 +126,7 @@ def _summary(session: OpenedSession, state: SessionState, shift: _Shift, first: 
     rows = [
         ("from", f"{first.astimezone():%Y-%m-%d %H:%M:%S %Z}"),
         ("to", f"{last.astimezone():%Y-%m-%d %H:%M:%S}, {clock_text(duration)} later"),
-        ("ended", state.ended or "not closed"),
+        ("ended", state.ended or "no, not closed"),
         ("missions", f"{len(state.missions)}: {outcomes_in_words(ends)}"),
         ("decisions", ", ".join(f"{number} by {name}" for name, number in by.items()) or "none"),
         ("alarms", ", ".join(priorities) or "none"),

@@ -191,13 +191,13 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
     if kind == "extra_forbidden":
         near = get_close_matches(name, about, 1)
         hint = f"did you mean {near[0]}? " if near else ""
-        return f"there is no such setting; {hint}Known: {', '.join(about)}"
+        return f"unknown setting; {hint}the settings are: {', '.join(about)}"
     setting = about[name]
     if kind == "dict_type":
-        problem = "expected names, each with its value"
+        problem = "expected names with values"
     remedy = f"give {setting.limits}" if setting.limits else "correct it"
     default = value_text(setting.default)
-    return f"{problem_text(problem)}; {remedy}, or leave it out for the default" + (
+    return f"{problem_text(problem)}; {remedy}, or omit it for the default" + (
         f" ({default})" if default and name != "keys" else ""
     )
 

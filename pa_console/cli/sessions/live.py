@@ -202,7 +202,7 @@ def choose_session(
     found = find_unclosed(folder, site.world_sha256)
     if found is None:
         if wanted:
-            raise ValueError("no session of this world was left unclosed; start without --resume")
+            raise ValueError("no unclosed session of this world; start without --resume")
         return None
     _tell(found)
     problem = _problem(found, site, model_sha256, scenario)
@@ -210,21 +210,21 @@ def choose_session(
         return None
     if not problem:
         try:
-            with errors.status("bringing the session back"):
+            with errors.status("restoring the session"):
                 return resume(found, site.world, _scenario_of(found, site)), found.log
         except (NotResumableError, LogError) as error:
             problem = str(error)
     if wanted:
-        raise ValueError(f"this session cannot go on: {problem}")
-    errors.print_line(f"It cannot go on: {problem}. A new session begins.", style="yellow")
+        raise ValueError(f"the session cannot be resumed: {problem}")
+    errors.print_line(f"It cannot be resumed: {problem}. A new session starts.", style="yellow")
     return None
 
 
 def _asked() -> bool:
     if not sys.stdin.isatty():
-        errors.print("A new session begins; --resume goes on with that one.")
+        errors.print("A new session starts; resume that one with --resume.")
         return False
-    question = "Go on from there? Nothing is dispatched by that. No begins anew"
+    question = "Resume it? Nothing is dispatched automatically. No starts a new session"
     return typer.confirm(question, default=True, err=True)
 
 
@@ -233,13 +233,13 @@ def _problem(found: UnclosedSession, site: Site, model_sha256: str, scenario: st
     started = found.started
     if scenario is not None and scenario not in (started.scenario, f"{started.scenario}.yaml"):
         played = f"the scenario {started.scenario!r}" if started.scenario else "no scenario"
-        return f"it played {played}, and --scenario {scenario} was asked for"
+        return f"it played {played}, not {scenario!r}"
     seal = site.rulebook.seal
     content = started.rules_seal.content_sha256 if started.rules_seal is not None else ""
     if started.rules_sha256 != site.rulebook.sha256 and content != seal.content_sha256:
-        return "the rules have changed since"
+        return "the rules have changed since then"
     if started.model_sha256 != model_sha256:
-        return f"it ran with the model {started.model!r}"
+        return f"it used another model, {started.model!r}"
     try:
         _scenario_of(found, site)
     except (DocumentError, ValueError) as error:
@@ -254,7 +254,7 @@ def _scenario_of(found: UnclosedSession, site: Site) -> Scenario | None:
         return None
     loaded = open_scenario(site.world, site.world_path, started.scenario)
     if started.scenario_sha256 not in ("", loaded.sha256):
-        raise ValueError(f"the scenario {started.scenario!r} has changed since")
+        raise ValueError(f"the scenario {started.scenario!r} has changed since then")
     return loaded.scenario
 
 
@@ -262,18 +262,18 @@ def _tell(found: UnclosedSession) -> None:
     """Print the session that was not closed, with its open missions, alarms and stop."""
     state, started = found.state, found.started
     picture = state.picture
-    at = f", {clock_text(picture.time_s)} into it" if picture is not None else ""
+    at = f", after {clock_text(picture.time_s)}" if picture is not None else ""
     scenario = f", {started.scenario}" if started.scenario else ""
     lines = [f"The session {started.session}{scenario} ended without being closed{at}."]
     for trace in found.interrupted:
         said = f"{trace.mission.id} {trace.mission.said!r} ({trace.stage})"
-        lines.append(f"  under way  {said}: it ends as held")
+        lines.append(f"  active     {said}: will be held")
     lines += _named("waiting", [f"{e.mission.id} {e.mission.said!r}" for e in found.waiting])
     lines += _named("alarm", [f"{a.alarm.priority}: {a.alarm.text}" for a in state.alarms])
     if state.stop is not None:
-        lines.append("  stop       everything is stopped, and stays so until it is released")
+        lines.append("  stop       all assets stay stopped until you release them")
     if not found.unfinished:
-        lines.append("  no mission was under way, none waited, and no alarm was open")
+        lines.append("  no active or waiting mission, and no open alarm")
     errors.print_line(Text(visible("\n".join(lines))))
 
 

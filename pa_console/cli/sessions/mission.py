@@ -71,7 +71,7 @@ def run_mission(
     leads to a question, the choice with the number `choose` is taken, unless it is 0.
     """
     if text is None and options.scenario is None:
-        raise ValueError("give a mission in plain language, or --scenario NAME, or both")
+        raise ValueError("give a mission in plain language, --scenario NAME, or both")
     incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
     chosen = session_models(options.model, settings.judge_server, settings.second_reader)
     opened = open_live(
@@ -181,7 +181,7 @@ def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approve
             return approver(request)
         taken = True
         if number > len(offered):
-            reason = f"--choose {number}: there are only {count(len(offered), 'choice')}"
+            reason = f"--choose {number}: the console offered only {count(len(offered), 'choice')}"
             return request.decided("reject", reason=reason)
         kind: DecisionKind = "answer" if choices else "choose"
         return request.decided(kind, asked=offered[number - 1])
@@ -279,13 +279,13 @@ class _Progress:
                 self._status.start()
             if isinstance(said, Decision):
                 return said
-            self._status.update("looking at the record, and checking what has to be checked")
+            self._status.update("looking for the answer")
             told = await self._station.answer(said)
             self._told.append(told)
             self._status.stop()
             print_answer(errors, told)
             if not self._station.awaits_decision:
-                return Decision(kind="reject", reason="the plan does not wait any more")
+                return Decision(kind="reject", reason="the plan is no longer waiting")
 
     def __enter__(self) -> None:
         self._status.start()

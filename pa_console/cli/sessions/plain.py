@@ -92,5 +92,5 @@ def run_joined_plain(
     with end_signals(endable.end):
         endable.run(run_lines(console))
     if not console.takes_command and not endable.ended_by and not console.state.ended:
-        say(f"left; the session of {station.station} goes on")
+        say(f"you have left; the session of {station.station} continues")
     return console.takes_command and not endable.ended_by, endable.ended_by

@@ -157,7 +157,7 @@ def _run_again(log: Path, place: ReplaySetup) -> Again:
     )
     world, path = _original_world(sites, started, place.world, log)
     situation = _situation(world, path, place.scenario, started)
-    with errors.status(f"running {count(len(recording), 'event')} again"):
+    with errors.status(f"simulating {count(len(recording), 'event')} again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
         decided = None if rules is None else decided_again(_events(recording), world, rules)
@@ -187,8 +187,8 @@ def _print_again(log: Path, again: Again) -> None:
     twin, decided = again.twin, again.decided
     if twin.equal:
         out.print_line(
-            f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
-            f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
+            f"{log}: {count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')} "
+            f"of plans are equal; SHA-256 {twin.repeated_sha256}"
         )
     else:
         at = f"{log}:{again.line}" if again.line is not None else str(log)
@@ -199,8 +199,8 @@ def _print_again(log: Path, again: Again) -> None:
         )
     if decided is None:
         errors.print_line(
-            f"{log}: the rules of this session are not here as they were: what they said of its "
-            "plans was not decided again; give their file with --rules"
+            f"{log}: the plans were not checked again, because the rules of this session are not "
+            "installed here unchanged; give their file with --rules"
         )
         return
     for flip in decided.flips:
@@ -210,10 +210,10 @@ def _print_again(log: Path, again: Again) -> None:
             f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}"
         )
     if not decided.flips:
-        left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
+        left = f"; {len(decided.gaps)} could not be checked again" if decided.gaps else ""
         out.print_line(
             f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
-            f"{count(decided.missions, 'mission')} decided again, all equal{left}"
+            f"{count(decided.missions, 'mission')} checked again, all equal{left}"
         )
 
 
@@ -223,7 +223,7 @@ def _original_world(
     """Return the session's world, found by its hash, or the one given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
-        errors.print_line(f"note: {given} is not the world of this session as it was then")
+        errors.print_line(f"note: {given} differs from the world of this session")
         return open_world(given)
     world = sites.world_of(started, log)
     assert path is not None
@@ -250,10 +250,10 @@ def _situation(
     if pinned and found.sha256 != pinned:
         if given is None:
             raise ValueError(
-                f"the scenario {played!r} of this session is not here as it was then "
+                f"the scenario {played!r} of this session is not installed here unchanged "
                 f"(SHA-256 {pinned[:12]}); give its file with --scenario"
             )
-        errors.print_line(f"note: {given} is not the scenario of this session as it was then")
+        errors.print_line(f"note: {given} differs from the scenario of this session")
     return found.scenario
 
 
@@ -278,7 +278,7 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
     if json:
         print_json({"same": found.same and not problem, **asdict(found)})
     elif found.same and not problem:
-        out.print(f"the same: {count(len(a), 'event')}")
+        out.print(f"no differences in {count(len(a), 'event')}")
     else:
         _print(found, (a, b), (first, second))
     if problem is not None:
@@ -309,15 +309,15 @@ def _print(
     for letter, name, recording in zip("AB", names, both, strict=True):
         out.print_line(f"{letter}  {name}: {count(len(recording), 'event')}")
     if found.started:
-        out.print("\nstarted differently", style="bold")
+        out.print("\ndifferent starts", style="bold")
         for change in found.started:
             out.print_line(f"  {change.path}: {change.a} | {change.b}")
     if found.first is None:
-        out.print("\nevery event means the same in both")
+        out.print("\nno difference in any event")
     else:
         _print_difference("first difference", found.first, both)
     if found.beyond is not None:
-        _print_difference("first difference beyond telemetry and ticks", found.beyond, both)
+        _print_difference("first difference except telemetry and ticks", found.beyond, both)
 
 
 def _print_difference(
@@ -338,7 +338,9 @@ def _print_difference(
     for change in found.changes[:CHANGES]:
         out.print_line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
     if len(found.changes) > CHANGES:
-        out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
+        out.print(
+            f"     and {count(len(found.changes) - CHANGES, 'more value')}; show all with --json"
+        )
 
 
 def _short(text: str) -> str:
@@ -373,7 +375,7 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
     """
     for given in trust.keys:
         if not is_fingerprint(given):
-            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
+            raise ValueError(f"--key {given}: give a fingerprint, SHA256: and 43 characters")
     own = known_keys()
     known = own | trust.keys
     result, index = verify(log, known), check_index(log.parent, known)
@@ -394,7 +396,9 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
         if again is not None:
             _print_again(log, again)
         if problem:
-            errors.print_line(f"{log}: not run again: {problem}; or verify with --chain-only")
+            errors.print_line(
+                f"{log}: not simulated again: {problem}; to verify the log only, use --chain-only"
+            )
         for index_problem in index.all_problems:
             errors.print_line(f"{index_path(log.parent)}: {index_problem}")
         if seen is not None:
@@ -416,8 +420,8 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
     standing = {
         "signed": f"{by}.",
-        "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
-        "not signed": "not signed: nothing shows that it was not written anew.",
+        "open": f"{by} only up to line {result.vouched}." if result.key else "not signed yet.",
+        "not signed": "not signed, so it may have been replaced by another log.",
     }[result.standing]
     line = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
     line += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
@@ -430,5 +434,5 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
         errors.print_line(f"{place}: {seen.problem}")
         return
-    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen"
+    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} received"
     out.print_line(f"{heads}, the last after record {seen.records}")

@@ -103,7 +103,7 @@ def _greet(address: str, tokens: TokenBook) -> None:
     """Print the address of the interface and, if there is no token yet, an access token."""
     out.print_line(f"{address}/docs")
     offer_token(tokens, "session")
-    errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")
+    errors.print("Ctrl-C ends the session: moving assets go to safety, and the log is closed.")
 
 
 def _failed(error: Exception) -> None:

@@ -30,7 +30,7 @@ def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
     if json:
         print_json({"person": name, "role": role, "token": token})
         return
-    errors.print(f"a token of {name}, {role}; it is not shown again:")
+    errors.print(f"token for {name}, {role}; it is not shown again:")
     out.print_line(token)
 
 
@@ -66,8 +66,8 @@ def offer_token(tokens: TokenBook, lasting: str) -> None:
     person = this_user()
     token = tokens.make(person, "operator", keep=False)
     errors.print_line(
-        f"no token was made yet; this one of {person}, operator, is for this {lasting} alone and "
-        f"is not shown again:\n{token}"
+        f"no tokens yet; token for {person}, operator, valid for this {lasting} and not shown "
+        f"again:\n{token}"
     )
 
 
