@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast, get_args
 
 from rich.console import Console
+from textual._compositor import ChopsUpdate, Compositor
 from textual.driver import Driver
 from textual.drivers.headless_driver import HeadlessDriver
+from textual.geometry import Region
 from textual.pilot import Pilot
 
 import pa_console.tui
@@ -54,6 +56,29 @@ class TapeDriver(HeadlessDriver):
         cast(ShotApp, self._app).tape.append(data)
 
 
+class ChangedCompositor(Compositor):
+    """A compositor that renders only the widgets with changes, and emits the same output.
+
+    Textual's own renders every widget in the rectangle around all changes, which in a replay is
+    nearly always the whole screen.
+    """
+
+    def render_partial_update(self) -> ChopsUpdate | None:
+        """Render the changed regions."""
+        widgets, _ = self.visible_widgets, self.cuts  # the cuts are those of all widgets
+        # A widget that begins where a change ends counts, because the cursor is moved there.
+        changed = [Region(x, y, width + 1, height) for x, y, width, height in self._dirty_regions]
+        self._visible_widgets = {
+            widget: (region, clip)
+            for widget, (region, clip) in widgets.items()
+            if any(map(region.intersection(clip).overlaps, changed))
+        }
+        try:
+            return super().render_partial_update()
+        finally:
+            self._visible_widgets = widgets
+
+
 class ShotRecordingScreen(RecordingScreen):
     """A recording screen that the exporter moves."""
 
@@ -61,6 +86,11 @@ class ShotRecordingScreen(RecordingScreen):
     """The number of events that had been played at the last painting."""
     filmed: bool = False
     """True once only the exporter decides when something is painted."""
+
+    def __init__(self, *shown: Any) -> None:
+        """Pass the recording that is `shown` to the screen."""
+        super().__init__(*shown)
+        self._compositor = ChangedCompositor()
 
     def paint(self) -> None:
         """Send the changes on the screen to the terminal."""
@@ -192,7 +222,7 @@ async def picture_replay(
         await asyncio.gather(running, return_exceptions=True)
         raise
     if app.return_code:
-        raise RuntimeError("the console broke down while pictures were taken of it")
+        raise RuntimeError("the console failed while it was being recorded")
 
 
 KINDS = tuple(
