@@ -15,6 +15,7 @@ from textual._compositor import ChopsUpdate, Compositor
 from textual.driver import Driver
 from textual.drivers.headless_driver import HeadlessDriver
 from textual.geometry import Region
+from textual.message_pump import MessagePump
 from textual.pilot import Pilot
 
 import pa_console.tui
@@ -154,6 +155,8 @@ class ReplayedScreen:
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
+        self._pumps: tuple[MessagePump, ...] = (app,)
+        """The app, the screen and its widgets, as they were last found."""
         self.player = player
 
     async def show(self) -> None:
@@ -179,8 +182,9 @@ class ReplayedScreen:
         quiet = 0
         while quiet < QUIET_ROUNDS:
             await asyncio.sleep(0)
-            pumps = (self._app, *screen.walk_children(with_self=True))
-            quiet = 0 if any(pump.message_queue_size for pump in pumps) else quiet + 1
+            if quiet == QUIET_ROUNDS - 1:  # new widgets are looked for once, because it takes long
+                self._pumps = (self._app, *screen.walk_children(with_self=True))
+            quiet = 0 if any(pump.message_queue_size for pump in self._pumps) else quiet + 1
 
     def written(self) -> str:
         """Return the terminal output since the last call."""

@@ -190,8 +190,8 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
     name = str(field[0]) if field else ""
     if kind == "extra_forbidden":
         near = get_close_matches(name, about, 1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        return f"unknown setting; {hint}the settings are: {', '.join(about)}"
+        hint = f"did you mean {near[0]}? The" if near else "the"
+        return f"unknown setting; {hint} settings are: {', '.join(about)}"
     setting = about[name]
     if kind == "dict_type":
         problem = "expected names with values"
