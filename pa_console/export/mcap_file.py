@@ -326,8 +326,8 @@ class Channels:
 
     def _register(self, topic: str, name: str, schema: Schema) -> None:
         data = json.dumps(schema).encode()
-        known = self._writer.register_schema(name, "jsonschema", data)
-        self._ids[topic] = self._writer.register_channel(topic, "json", known)
+        schema_id = self._writer.register_schema(name, "jsonschema", data)
+        self._ids[topic] = self._writer.register_channel(topic, "json", schema_id)
 
     def _write(self, topic: str, message: BaseModel, stamp: int, sequence: int) -> None:
         data = message.model_dump_json().encode()

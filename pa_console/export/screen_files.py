@@ -1,6 +1,7 @@
 """A replay on the console's own screen as numbered SVG pictures or as an asciicast, version 2."""
 
 import asyncio
+import gc
 import io
 import json
 from collections.abc import Awaitable, Callable, Iterable, Iterator
@@ -217,6 +218,7 @@ async def picture_replay(
         app.exit()
 
     running = asyncio.create_task(app.run_async(mouse=False, size=size, auto_pilot=ready))
+    gc.freeze()  # collections need not look at the modules and the recording, which stay
     try:
         await asyncio.shield(running)
     except asyncio.CancelledError:
@@ -225,6 +227,8 @@ async def picture_replay(
         app.exit()
         await asyncio.gather(running, return_exceptions=True)
         raise
+    finally:
+        gc.unfreeze()
     if app.return_code:
         raise RuntimeError("the console failed while it was being recorded")
 
@@ -255,10 +259,10 @@ def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: flo
         recording.timeline.count_until(first - JUST_BEFORE_S), recording.timeline.count_until(last)
     )
     others = (index for index in span if not recording.timeline.is_telemetry(index))
-    found = [(index, recording[index].data.kind) for index in others]
+    events = [(index, recording[index].data.kind) for index in others]
     return [
         Shot(recording.timeline.seconds[index], kind, index)
-        for index, kind in found
+        for index, kind in events
         if kind in wanted
     ]
 
@@ -298,15 +302,15 @@ def positions(recording: Recording, first: float, last: float, step: float) -> l
     While only telemetry arrives, they are `QUIET_STEPS` times as far apart.
     """
     shown, timeline = [first], recording.timeline
-    known, since = timeline.count_until(first), 0
+    shown_count, since = timeline.count_until(first), 0
     for number in range(1, int((last - first) / step) + 1):
         at = first + number * step
         count = timeline.count_until(at)
-        told = any(True for _ in timeline.without_telemetry(known, count))
-        if told or (count > known and number - since >= QUIET_STEPS):
+        eventful = any(True for _ in timeline.without_telemetry(shown_count, count))
+        if eventful or (count > shown_count and number - since >= QUIET_STEPS):
             shown.append(at)
-            known, since = count, number
-    if timeline.count_until(last) > known:
+            shown_count, since = count, number
+    if timeline.count_until(last) > shown_count:
         shown.append(last)
     return shown
 

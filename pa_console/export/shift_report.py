@@ -62,8 +62,8 @@ class _Shift:
             case ev.MissionFinished(status=status, reason=reason) if event.mission:
                 self.ended[event.mission] = f"{at} {status}", reason
             case ev.DecisionMade(accepted=True, decision=decision):
-                said = deviations_in_words(decision) or decision.reason
-                self.decisions.append((at, event.mission, decision.kind, decision.by, said))
+                reason_words = deviations_in_words(decision) or decision.reason
+                self.decisions.append((at, event.mission, decision.kind, decision.by, reason_words))
             case ev.AllStopped(by=by):
                 self.interventions.append((at, "stop of all assets", by))
             case ev.StopReleased(by=by):

@@ -138,12 +138,12 @@ def choose_mission(missions: Mapping[str, MissionTrace], wanted: str) -> Mission
     """
     if not missions:
         raise ValueError("the session has no mission")
-    known = ", ".join(missions)
+    names = ", ".join(missions)
     if wanted in missions:
         return missions[wanted]
     begun = [name for name in missions if wanted and name.startswith(wanted)]
     if len(begun) > 1:
         raise ValueError(f"--mission {wanted}: ambiguous; choose one of {', '.join(begun)}")
     if not begun:
-        raise ValueError(f"--mission {wanted}: there is no such mission; choose one of {known}")
+        raise ValueError(f"--mission {wanted}: there is no such mission; choose one of {names}")
     return missions[begun[0]]

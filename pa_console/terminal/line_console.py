@@ -40,7 +40,7 @@ CTRL_C = (
     "Ctrl-C does not stop anything. Type stop to hold every asset, or quit to end the session; "
     "otherwise just continue."
 )
-TOLD_EVERY_S = 5.0
+WAITING_EVERY_S = 5.0
 """The interval between two lines about the present wait, in seconds."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
@@ -90,7 +90,7 @@ class LineConsole(SessionLines):
         self._say("Type a mission in plain words, then press Enter. For all commands, type help.")
 
     def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
-        return (*super()._work(lines), self._tell_waiting())
+        return (*super()._work(lines), self._show_waiting())
 
     def _heed(self, event: ev.Event) -> None:
         self._observe(event)
@@ -120,10 +120,10 @@ class LineConsole(SessionLines):
     def _show_request(self, request: ev.ApprovalRequested) -> None:
         self.show(request, "you", f"Your answer: {HOW}")
 
-    async def _tell_waiting(self) -> None:
+    async def _show_waiting(self) -> None:
         """Show the present wait from time to time."""
         while True:
-            await asyncio.sleep(TOLD_EVERY_S)
+            await asyncio.sleep(WAITING_EVERY_S)
             if line := self.waiting.line(monotonic(), self.state, self._station.rate):
                 self._say(line)
 
@@ -169,8 +169,8 @@ class LineConsole(SessionLines):
             return False
         return True
 
-    async def _tell_answer(self, question: Question) -> None:
-        await super()._tell_answer(question)
+    async def _show_answer(self, question: Question) -> None:
+        await super()._show_answer(question)
         if self.request is not None:
             self._say(f"The plan is still waiting: {HOW}")
 

@@ -81,8 +81,8 @@ def step_line(event: ev.Event) -> str:
     name = _STEPS.get(event.data.kind)
     if name is None or event.mission is None:
         return ""
-    said = event_in_words(event.data)
-    return f"{event.mission}  {name}: {said}" if said else f"{event.mission}  {name}"
+    words = event_in_words(event.data)
+    return f"{event.mission}  {name}: {words}" if words else f"{event.mission}  {name}"
 
 
 COLOURS: dict[Tone, str] = {
@@ -120,9 +120,9 @@ def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
     _print_sections(console, lay_out_proposal(trace, number, {}, _OPTIONS))
 
 
-def print_answer(console: Console, told: QuestionAnswered) -> None:
+def print_answer(console: Console, answer: QuestionAnswered) -> None:
     """Print the answer to a question about no mission, or about one printed before."""
-    _print_sections(console, answered((told,)))
+    _print_sections(console, answered((answer,)))
 
 
 def _print_head(console: Console, trace: MissionTrace) -> None:
@@ -203,8 +203,8 @@ def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
     if request.state in ("narrowed", "may_be_misunderstood"):
-        told = status_of("approval", request.state)
-        errors.print(told.text, style="bold yellow")
+        status = status_of("approval", request.state)
+        errors.print(status.text, style="bold yellow")
     for reason in request.blocked_by:
         errors.print(f"blocked: {reason}", style="bold red")
 

@@ -212,7 +212,7 @@ class SessionLines(ABC):
         """Show an event, respond to it, and then show its lines in the event list."""
         self.take(event)
         self._heed(event)
-        self.tell_notice(event)
+        self.show_notice(event)
 
     def _await_answer(self) -> None:
         """Call the operator to the plan that has just been shown."""
@@ -261,15 +261,15 @@ class SessionLines(ABC):
         question = self._conversing.question_in(line)
         if question is None:
             return False
-        task = asyncio.create_task(self._tell_answer(question))
+        task = asyncio.create_task(self._show_answer(question))
         self._answering.add(task)
         task.add_done_callback(self._answering.discard)
         return True
 
-    async def _tell_answer(self, question: Question) -> None:
+    async def _show_answer(self, question: Question) -> None:
         """Show the answer line by line; a waiting plan continues to wait."""
-        told = await self._conversing.answer(question)
-        for line in told.lines:
+        answer = await self._conversing.answer(question)
+        for line in answer.lines:
             self._say(f"{line.about}: {line.said}")
 
     # Output
@@ -303,7 +303,7 @@ class SessionLines(ABC):
             case _:
                 pass
 
-    def tell_notice(self, event: ev.Event) -> None:
+    def show_notice(self, event: ev.Event) -> None:
         """Show the new lines of the event list after `event`, unless a step has shown them."""
         last = self._newest_notice()
         if last is None or last is self._last_notice:
@@ -320,9 +320,9 @@ class SessionLines(ABC):
         trace = self.state.current
         if trace is not None:
             self._output.show_plan(trace, request.attempt)
-        told = status_of("approval", request.state or "none")
-        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
-        self._say(f"{what} waits for {waits}. {told.word}.")
+        status = status_of("approval", request.state or "none")
+        subject = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
+        self._say(f"{subject} waits for {waits}. {status.word}.")
         for reason in request.blocked_by:
             self._say(f"blocked: {reason}")
         if request.acknowledge:
@@ -334,8 +334,8 @@ class SessionLines(ABC):
     def look(self, word: str) -> bool:
         """Show the part of the state that `word` names; return whether it names one."""
         if word in _TABLES:
-            for told in _TABLES[word](self.state):
-                self._say(told)
+            for line in _TABLES[word](self.state):
+                self._say(line)
         elif word == "trace" and self.state.current is not None:
             self._output.show_trace(self.state.current)
         else:

@@ -97,10 +97,10 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
 
     `reason` is the reason that was typed before, in its own line.
     """
-    found = _WORDS.fullmatch(line)
-    if found is None or not is_answer(line):
+    typed = _WORDS.fullmatch(line)
+    if typed is None or not is_answer(line):
         return None
-    word, rest = found[1].casefold(), found[2].strip()
+    word, rest = typed[1].casefold(), typed[2].strip()
     match word:
         case "approve":
             why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason
@@ -120,14 +120,14 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
 
 def is_answer(line: str) -> bool:
     """Return whether `line` would be the answer to a plan if one waited."""
-    found = _WORDS.fullmatch(line)
-    return found is not None and (found[1].casefold() != "show" or not found[2].strip())
+    typed = _WORDS.fullmatch(line)
+    return typed is not None and (typed[1].casefold() != "show" or not typed[2].strip())
 
 
 def reason_of(line: str) -> str:
     """Return the reason that `line` gives by itself; '' if it gives none."""
-    found = _WORDS.fullmatch(line)
-    return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
+    typed = _WORDS.fullmatch(line)
+    return typed[2].strip() if typed is not None and typed[1].casefold() == "reason" else ""
 
 
 def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:

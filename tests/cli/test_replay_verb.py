@@ -74,7 +74,7 @@ def test_a_tampered_command_differs(call: Call, folder: Path, tmp_path: Path) ->
     log = tampered(folder, tmp_path / "forged.jsonl", "command_sent", "WestGate", "EastGate")
     done = resimulate(call, folder, log)
     assert done.code == 1
-    assert "pictures, all equal" not in done.out
+    assert "of plans are equal" not in done.out
     assert "differ, first at tick" in done.said
     shown = resimulate(call, folder, log, "--json")
     assert shown.code == 1
@@ -198,7 +198,7 @@ def test_the_audit_runs_an_intact_log_again(call: Call, folder: Path, tmp_path: 
     whole = call("replay", str(log), "--verify", "--unsigned", "--scenario", played)
     assert whole.code == 0, whole.said
     assert "chain intact" in whole.said
-    assert "rehearsals of plans are equal" in whole.said
+    assert "of plans are equal" in whole.said
     assert "plans of 1 mission checked again, all equal" in whole.said
     nowhere = call("replay", str(log), "--verify", "--unsigned")
     assert nowhere.code == 1
@@ -212,5 +212,5 @@ def test_a_decision_of_other_rules_is_found(call: Call, folder: Path, tmp_path: 
     log = tampered(folder, tmp_path / "f.jsonl", "plan_checked", '"complies"', '"violates"')
     done = resimulate(call, folder, log)
     assert done.code == 1
-    assert "pictures, all equal" in done.said
+    assert "of plans are equal" in done.said
     assert "recorded " in done.said

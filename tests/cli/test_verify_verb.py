@@ -92,7 +92,7 @@ def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_pa
         writer.flush()
         done = chain(call, log)
     assert done.code == 1
-    assert "up to line 2 only" in done.said
+    assert "only up to line 2" in done.said
     assert "4 unsigned records" in done.said
 
 

@@ -144,22 +144,22 @@ def find_fleet(
         )
     if certificates is not None and not buses:
         raise ValueError("--certificates needs a message bus in --fleet")
-    found = _join_bus(buses[0], certificates, world, settings) if buses else FoundFleet(world)
+    fleet = _join_bus(buses[0], certificates, world, settings) if buses else FoundFleet(world)
     links: list[Link] = []
     try:
         if others:
-            site = found.joined.site if found.joined is not None else None
+            site = fleet.joined.site if fleet.joined is not None else None
             if site is not None and (site.paced or site.rate != 1.0):
                 raise ValueError(
                     f"the site at {buses[0]} has its own clock, which other robots cannot follow; "
                     "run 'pa-console site' without --paced and --rate"
                 )
-            loaded, _ = open_world(found.world)
+            loaded, _ = open_world(fleet.world)
             links.extend(open_link(url, loaded, settings) for url in others)
     except BaseException:
-        replace(found, links=tuple(links)).close()
+        replace(fleet, links=tuple(links)).close()
         raise
-    return replace(found, links=tuple(links))
+    return replace(fleet, links=tuple(links))
 
 
 def open_listener(

@@ -105,7 +105,7 @@ class JoinedSession:
         return f"Opening the console; {self.station.station} is in command until then ..."
 
     @contextmanager
-    def told_unless_taken(self) -> Generator[None]:
+    def reporting_unless_taken(self) -> Generator[None]:
         """Report that the other station keeps command, if the block ends before it was taken."""
         try:
             yield
@@ -145,11 +145,11 @@ def joining(
 
     Raises ValueError if there is no session, or if key, world or rules are missing here.
     """
-    with shared_session(url, options.certificates) as found:
-        log, folder, address = found.log, found.folder, found.log.link.address
+    with shared_session(url, options.certificates) as shared:
+        log, folder, address = shared.log, shared.folder, shared.log.link.address
         person = folder.person()
-        world = shared_world(found.before, options.world, settings)
-        started = _started_of(found.before)
+        world = shared_world(shared.before, options.world, settings)
+        started = _started_of(shared.before)
         rules = SessionSites((), (options.rules,)).rules_of(started)
         if rules is None:
             raise ValueError(
@@ -159,12 +159,13 @@ def joining(
         signatory = Signatory(*person)
 
         def own_station() -> StationAuthority:
-            if (ours := claim_credentials(address, options.certificates, STATION)) is not None:
-                ours.release()
+            credentials = claim_credentials(address, options.certificates, STATION)
+            if credentials is not None:
+                credentials.release()
             return StationAuthority(folder.keys(person), keep=folder.take)
 
         yield JoinedSession(
-            JoinedStation(log, found.before, signatory, world, rules),
+            JoinedStation(log, shared.before, signatory, world, rules),
             world,
             rules,
             Succession(log, signatory, own_station),
@@ -175,13 +176,13 @@ def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> W
     """Return the world of the session, which may be `given`; raises ValueError if it is missing."""
     started = _started_of(events)
     near = (settings.values.logs or default_folder()) / "log"
-    found = SessionSites((given,)).world_file(started, near)
-    if found is None:
+    path = SessionSites((given,)).world_file(started, near)
+    if path is None:
         raise ValueError(
             f"the world {started.world!r} of this session is not installed here unchanged (SHA-256 "
             f"{started.world_sha256[:12]}); give its file with --world"
         )
-    return open_world(str(found))[0]
+    return open_world(str(path))[0]
 
 
 def _started_of(events: list[Event]) -> SessionStarted:

@@ -241,20 +241,20 @@ def _situation(
     if not played:
         return None
     try:
-        found = open_scenario(world, path, played)
+        loaded = open_scenario(world, path, played)
     except DocumentError as error:
         if given is not None:
             raise
         raise ValueError(f"{error}; give the session's own file with --scenario") from error
     pinned = started.scenario_sha256
-    if pinned and found.sha256 != pinned:
+    if pinned and loaded.sha256 != pinned:
         if given is None:
             raise ValueError(
                 f"the scenario {played!r} of this session is not installed here unchanged "
                 f"(SHA-256 {pinned[:12]}); give its file with --scenario"
             )
         errors.print_line(f"note: {given} differs from the scenario of this session")
-    return found.scenario
+    return loaded.scenario
 
 
 def _events(recording: Recording) -> Iterator[Event]:
@@ -273,17 +273,17 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
         def going_on(done: int, total: int) -> None:
             status.update(f"comparing, {done} of {count(total, 'event')}")
 
-        found = compare_sessions(a, b, going_on)
+        comparison = compare_sessions(a, b, going_on)
     problem = a.problem or b.problem
     if json:
-        print_json({"same": found.same and not problem, **asdict(found)})
-    elif found.same and not problem:
+        print_json({"same": comparison.same and not problem, **asdict(comparison)})
+    elif comparison.same and not problem:
         out.print(f"no differences in {count(len(a), 'event')}")
     else:
-        _print(found, (a, b), (first, second))
+        _print(comparison, (a, b), (first, second))
     if problem is not None:
         errors.print_line(f"note: {problem}", style="yellow")
-    if not found.same:
+    if not comparison.same:
         raise typer.Exit(FAILED)
     if problem is not None:
         raise problem
@@ -297,27 +297,27 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
     recording = read_recording(first)
     site = _site_of(recording, first, world)
     rules = {rule.id: rule for rule in site.rulebook.rules}
-    known = KnownWorld(site.world, site.world_sha256)
-    one = OpenedLog(first.name, recording, site.world, rules)
-    other = open_compared(second, known)
-    _run_console(site, recording, settings, comparison(one, other))
+    own_world = KnownWorld(site.world, site.world_sha256)
+    first_log = OpenedLog(first.name, recording, site.world, rules)
+    second_log = open_compared(second, own_world)
+    _run_console(site, recording, settings, comparison(first_log, second_log))
 
 
 def _print(
-    found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
+    comparison: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
 ) -> None:
     for letter, name, recording in zip("AB", names, both, strict=True):
         out.print_line(f"{letter}  {name}: {count(len(recording), 'event')}")
-    if found.started:
+    if comparison.started:
         out.print("\ndifferent starts", style="bold")
-        for change in found.started:
+        for change in comparison.started:
             out.print_line(f"  {change.path}: {change.a} | {change.b}")
-    if found.first is None:
+    if comparison.first is None:
         out.print("\nno difference in any event")
     else:
-        _print_difference("first difference", found.first, both)
-    if found.beyond is not None:
-        _print_difference("first difference except telemetry and ticks", found.beyond, both)
+        _print_difference("first difference", comparison.first, both)
+    if comparison.beyond is not None:
+        _print_difference("first difference except telemetry and ticks", comparison.beyond, both)
 
 
 def _print_difference(
@@ -377,9 +377,9 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
         if not is_fingerprint(given):
             raise ValueError(f"--key {given}: give a fingerprint, SHA256: and 43 characters")
     own = known_keys()
-    known = own | trust.keys
-    result, index = verify(log, known), check_index(log.parent, known)
-    seen = check_witness(log, result.session, trust.witness, known) if trust.witness else None
+    trusted = own | trust.keys
+    result, index = verify(log, trusted), check_index(log.parent, trusted)
+    seen = check_witness(log, result.session, trust.witness, trusted) if trust.witness else None
     lost = index.of(log)
     again, problem = None, ""
     if place is not None and result.ok:

@@ -110,7 +110,7 @@ def load_verb(name: str) -> Any:
         alone.command(name)(with_field_options(verb))
     _add_examples(alone)
     command = get_group(alone).commands[name]
-    _say_types(command)
+    _name_types(command)
     return command
 
 
@@ -129,10 +129,10 @@ class Verbs(TyperGroup):
         return name, load_verb(name) if name is not None else None, rest
 
 
-def _say_types(command: Any) -> None:
+def _name_types(command: Any) -> None:
     """Set the placeholder of each option below `command` to TEXT, NUMBER or PATH."""
     for below in getattr(command, "commands", {}).values():
-        _say_types(below)
+        _name_types(below)
     for option in command.params:
         kind = option.type_descriptor
         if isinstance(option, TyperOption) and not (option.metavar or kind.is_choice):

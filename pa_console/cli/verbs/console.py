@@ -77,7 +77,7 @@ def console(
         with joining(join, options, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
-            with joined.told_unless_taken(), OpeningFrame(None) as frame:
+            with joined.reporting_unless_taken(), OpeningFrame(None) as frame:
                 from pa_console.cli.sessions.opening import open_console  # noqa: PLC0415 - only if used
 
                 taken = replace(options, fleet=[join])

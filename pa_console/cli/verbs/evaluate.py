@@ -148,19 +148,19 @@ def _widths(table: ReportTable, width: int) -> list[int]:
     room = max(width - COLUMN_GAP * len(table.columns), len(table.columns))
     cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
     whole = [max(len(cell) for cell in column) or 1 for column in cells]
-    found = [
+    widths = [
         max(
             max((len(word) for cell in column[1:] for word in cell.split()), default=1),
             *(min(len(word), TITLE_WORD) for word in column[0].split()),
         )
         for column in cells
     ]
-    while sum(found) > room:
-        found[found.index(max(found))] -= 1
-    while sum(found) < min(room, sum(whole)):
-        need = [full / here for full, here in zip(whole, found, strict=True)]
-        found[need.index(max(need))] += 1
-    return found
+    while sum(widths) > room:
+        widths[widths.index(max(widths))] -= 1
+    while sum(widths) < min(room, sum(whole)):
+        need = [full / here for full, here in zip(whole, widths, strict=True)]
+        widths[need.index(max(need))] += 1
+    return widths
 
 
 @app.callback(invoke_without_command=True)
@@ -231,8 +231,8 @@ def evaluate(
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
     asked = model or [None]
-    found = [find_model(name, second_reader=reader) for name in asked]
-    models = {local.name: local for local in found}
+    local_models = [find_model(name, second_reader=reader) for name in asked]
+    models = {local.name: local for local in local_models}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
     wanted = [
@@ -252,7 +252,7 @@ def evaluate(
     began = perf_counter()
     try:
         if workers or scheduler:
-            names = {local.name: name for local, name in zip(found, asked, strict=True)}
+            names = {local.name: name for local, name in zip(local_models, asked, strict=True)}
             where = workers or scheduler
             made = _swept(results, planned, where, models, names, reader, reuse=reuse, logs=logs)
         else:

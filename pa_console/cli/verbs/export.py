@@ -65,9 +65,9 @@ def opened(context: typer.Context, log: Path) -> OpenedSession:
     return session
 
 
-def written(target: Path, what: str) -> None:
+def written(target: Path, content: str) -> None:
     """Print the place and the content of the export."""
-    out.print_line(f"{target}: {what}")
+    out.print_line(f"{target}: {content}")
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ def svg(
     )
     from pa_console.session.recording import Player  # noqa: PLC0415
 
-    known = [kind for kind in KINDS if kind != "telemetry"]
+    kinds = [kind for kind in KINDS if kind != "telemetry"]
     for kind in at or ():
-        if kind not in known:
+        if kind not in kinds:
             raise ValueError(
-                f"--at {kind}: unknown kind of event; the kinds are: {', '.join(known)}"
+                f"--at {kind}: unknown kind of event; the kinds are: {', '.join(kinds)}"
             )
     if at and every is not None:
         raise ValueError("give only one of --at and --every")
@@ -192,8 +192,8 @@ def cast(
 
 def size_of(text: str) -> tuple[int, int]:
     """Return columns and rows; raises ValueError if the size is not valid."""
-    found = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):
         raise ValueError(
             f"--size {text}: give COLUMNSxROWS, e.g. 120x36, from {LEAST[0]}x{LEAST[1]} to "
@@ -248,23 +248,23 @@ def markdown(
     collapsed.
     """
     session = opened(context, log)
-    known, note = rules_of(session.started, rules)
+    texts, note = rules_of(session.started, rules)
     beside = target.parent if target is not None else Path()
     stills = Path(os.path.relpath(stills_folder(session.recording.path or log), beside)).as_posix()
     problem = session.recording.problem
     notes = tuple(text for text in (note, str(problem) if problem else "") if text)
     if mission is None:
-        what, document = "shift report", session_document(session, known, notes, stills)
+        content, document = "shift report", session_document(session, texts, notes, stills)
     else:
         trace = choose_mission(session.final_state().missions, mission)
-        what = f"mission {trace.mission.id}"
-        document = mission_document(trace, session.started, known, notes, stills)
+        content = f"mission {trace.mission.id}"
+        document = mission_document(trace, session.started, texts, notes, stills)
     if target is None:
         print_document(document)
         return
     with whole_file(target, log) as file:
         file.write(visible(document).encode())
-    written(target, what)
+    written(target, content)
 
 
 @app.command("mcap")

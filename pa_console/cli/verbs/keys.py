@@ -100,13 +100,15 @@ def make(
     """
     folder = KeyFolder(ask=ask_passphrase)
     person = name or _plain(getpass.getuser())
-    its = station or _plain(platform.node().partition(".")[0])
+    own_station = station or _plain(platform.node().partition(".")[0])
     if join is not None:
-        own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
+        own, other = folder.join(
+            person, own_station, _public(join), _new_passphrase(wanted=passphrase)
+        )
         out.print("Ask the owner of the site to enrol both keys:")
         enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
         out.print_line(enrol)
-        out.print_line(f"pa-console keys enrol station {its} {other}")
+        out.print_line(f"pa-console keys enrol station {own_station} {other}")
         return
     if folder.made:
         if name is None:
@@ -117,7 +119,7 @@ def make(
         _show(folder)
         return
     rules = _enrolled(open_rules("checkpoint")[0])
-    folder.make_site(person, its, dict((rules,)), _new_passphrase(wanted=passphrase))
+    folder.make_site(person, own_station, dict((rules,)), _new_passphrase(wanted=passphrase))
     out.print_line(f"keys: {folder.path}")
     _show(folder)
 
@@ -219,7 +221,7 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
                 "revocation": trust.revocation,
                 "epoch": trust.takeover.epoch,
                 "keys": [vars(row) for row in rows],
-                "rules": {sha: vars(its) for sha, its in roster.rules.items()},
+                "rules": {sha: vars(rule_set) for sha, rule_set in roster.rules.items()},
             }
         )
         return
@@ -228,10 +230,10 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
         here = "yes" if row.here else "no"
         table.add_row(row.kind, row.name, row.role, row.state, here, fingerprint(row.key))
     out.print(table)
-    for sha, its in roster.rules.items():
-        asked = approvals_in_words(its.approvals)
+    for sha, rule_set in roster.rules.items():
+        asked = approvals_in_words(rule_set.approvals)
         more = f"; required approvals: {asked}" if asked else ""
-        out.print_line(f"rules {its.name} {sha[:12]}{more}")
+        out.print_line(f"rules {rule_set.name} {sha[:12]}{more}")
     out.print_line(f"roster {roster.serial}; {trust.in_command}")
     if trust.takeover.station in trust.revoked:
         errors.print(
@@ -284,10 +286,10 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
     try:
         if not link.wait_connected(CONNECT_S):
             raise ValueError(f"cannot connect to the broker at {address}: {link.problem}")
-        found = SignedMessages(folder.take)
+        messages = SignedMessages(folder.take)
         for delivery in take_retained(link):
             if isinstance(delivery.message, SignedMessage) and delivery.topic.identity == TRUST:
-                found.hear(delivery.message.message)
+                messages.hear(delivery.message.message)
         yield
         newest = folder.newest
         link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))

@@ -91,14 +91,16 @@ def pull(
     if with_reader and not entry.second_reader:
         raise ValueError(f"{entry.name} has no second reader; omit --with-second-reader")
     entries = [entry, catalog.get(entry.second_reader)] if with_reader else [entry]
-    fetched = [_fetch(one, prepare=not fetch_only) for one in entries]
+    fetched = [_fetch(model, prepare=not fetch_only) for model in entries]
     if json:
-        print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
+        print_json(
+            fetched[0].document if len(fetched) == 1 else [model.document for model in fetched]
+        )
         return
-    for one in fetched:
-        out.print_line(str(one.path))
-        if one.note:
-            errors.print(one.note)
+    for model in fetched:
+        out.print_line(str(model.path))
+        if model.note:
+            errors.print(model.note)
 
 
 class _ReadyModel(NamedTuple):
@@ -106,7 +108,7 @@ class _ReadyModel(NamedTuple):
 
     path: Path
     note: str
-    told: dict[str, Any]
+    document: dict[str, Any]
 
 
 def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
@@ -117,17 +119,17 @@ def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
         DownloadColumn(),
         TimeRemainingColumn(),
     )
-    told = ""
+    note = ""
     with Progress(*columns, console=errors) as bar:
         task = bar.add_task(entry.name, total=entry.size_mb * 1_000_000)
 
         def progress(done: int, total: int, text: str) -> None:
-            nonlocal told
-            told = text
+            nonlocal note
+            note = text
             bar.update(task, completed=done, total=total, description=f"{entry.name}: {text}")
 
         fetched = fetch(entry, progress)
-        hash_note = told if entry.sha256 is None else ""
+        hash_note = note if entry.sha256 is None else ""
         path, sha256 = fetched, entry.sha256
         if prepare:
             path, sha256 = entry.ready_file(fetched, progress)

@@ -110,12 +110,12 @@ def _write(name: str, text: str) -> None:
     from pa_console.tui.screens.settings import choices, to_write  # noqa: PLC0415
 
     name = name if name.startswith("keys.") else name.replace("-", "_")
-    known = {choice.id: choice for choice in choices()}
-    if name not in known:
-        raise ValueError(f"unknown setting {name!r}; the settings are: {', '.join(known)}")
+    settings = {choice.id: choice for choice in choices()}
+    if name not in settings:
+        raise ValueError(f"unknown setting {name!r}; the settings are: {', '.join(settings)}")
     loaded = load_settings()
     try:
-        field, value = to_write(loaded, known[name], text)
+        field, value = to_write(loaded, settings[name], text)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
     save_setting(loaded.path, field, value)

@@ -92,7 +92,7 @@ def site(
         paced=paced,
         rate=rate,
         verify=vehicles.verify if vehicles is not None else anybody,
-        take=_telling(vehicles) if vehicles is not None else lambda _message: None,
+        take=_reporting_changes(vehicles) if vehicles is not None else lambda _message: None,
         credentials=let_in,
     )
     checkpoint = Checkpoint(loaded, seed, played)
@@ -176,16 +176,16 @@ def _vehicles(world: World) -> Vehicles | None:
     return Vehicles(world.assets, folder.owner, folder.messages, time.time)
 
 
-def _telling(vehicles: Vehicles) -> Callable[[str], None]:
+def _reporting_changes(vehicles: Vehicles) -> Callable[[str], None]:
     """Return a callback that passes signed messages to `vehicles`, and reports changes."""
-    told = vehicles.in_command
+    reported = vehicles.in_command
 
     def take(message: str) -> None:
-        nonlocal told
+        nonlocal reported
         why = vehicles.take(message)
         line = f"ignored a signed message: {why}" if why else vehicles.in_command
-        if line != told:
-            told = line
+        if line != reported:
+            reported = line
             errors.print_line(visible(line))
 
     return take

@@ -86,15 +86,15 @@ def from_robots(
     elif background is not None:
         base = base.model_copy(update={"background": background})
     present: set[str] = set()
-    found: dict[str, FoundRobot] = {}
+    robots: dict[str, FoundRobot] = {}
     for url in fleet:
         with errors.status(f"looking for robots at {url}"):
             seen = survey(open_listener(url, None, base, settings_of(context).values))
         errors.print_line(seen.in_words())
         present |= seen.reports.keys()
-        found |= {robot.name: robot for robot in seen.found}
-    made, told = newcomers.world_of_robots(base, present | found.keys(), found.values())
-    for line in told:
+        robots |= {robot.name: robot for robot in seen.found}
+    made, notices = newcomers.world_of_robots(base, present | robots.keys(), robots.values())
+    for line in notices:
         errors.print_line(line)
     options = " ".join(f"--fleet {url}" for url in fleet)
     _write(made, output, f" {options}")

@@ -56,7 +56,7 @@ def _how(rule: Rule) -> str:
     return "checked" if rule.decidable else "judged only"
 
 
-def _tell_approvals(book: Rulebook) -> None:
+def _print_approvals(book: Rulebook) -> None:
     """Print the acts that several people must approve, and those of standing orders unasked."""
     if book.unasked:
         out.print_line(f"standing orders need no approval for: {', '.join(book.unasked)}")
@@ -76,7 +76,7 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
     out.print(table)
-    _tell_approvals(book)
+    _print_approvals(book)
 
 
 def search(
@@ -122,8 +122,8 @@ def check(
     for rule in book.rules:
         for example in rule.examples:
             examples += 1
-            found = run_example(rule, example)
-            status = {"complies": "pass", "violates": "fail"}.get(found.status, found.status)
+            finding = run_example(rule, example)
+            status = {"complies": "pass", "violates": "fail"}.get(finding.status, finding.status)
             if status != example.expect:
                 wrong.append(
                     {
@@ -131,7 +131,7 @@ def check(
                         "example": example.name,
                         "expected": example.expect,
                         "got": status,
-                        "message": found.message,
+                        "message": finding.message,
                     }
                 )
     checked = sum(rule.decidable for rule in book.rules)
@@ -149,7 +149,7 @@ def check(
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
         out.print_line(f"{book.name}, {seal_in_words(book.seal)}")
-        _tell_approvals(book)
+        _print_approvals(book)
         warn_of_altered(book.name, book.seal)
         if lacking := differing_core(book):
             out.print_line(f"rules of the core that also stay in force: {', '.join(lacking)}")
@@ -171,16 +171,16 @@ def pin(
     path = find_data("rules", SHIPPED.name, "rules.yaml")
     load_rules(path)
     rule_set = read_rule_set(path)[1]
-    found = content_sha256(rule_set)
+    content = content_sha256(rule_set)
     target = SHIPPED_FILE
     source = shipped_rules(rule_set).text
     if write:
         target.write_text(source, encoding="utf-8")
     agrees = target.read_text(encoding="utf-8") == source
     if json:
-        print_json({"file": str(path), "content_sha256": found, "pinned": agrees})
+        print_json({"file": str(path), "content_sha256": content, "pinned": agrees})
     else:
-        out.print_line(f"{path}: {found}")
+        out.print_line(f"{path}: {content}")
         out.print_line(
             f"{target}: {'the same' if agrees else 'DIFFERENT; update it with rules pin --write'}"
         )
@@ -289,7 +289,7 @@ def lint(
         with TransientBar("searching states", search_steps(rule_set, states)) as bar:
             searched = search_rules(document, rule_set, place, states, seed, bar.advance)
         findings = sorted([*findings, *searched.findings], key=lambda f: (f.line, f.kind))
-    counts = {name: sum(found.severity == name for found in findings) for name in STYLES}
+    counts = {name: sum(finding.severity == name for finding in findings) for name in STYLES}
     if json:
         print_json({"file": str(path), "rules": len(rule_set.rules), "findings": findings,
                     "counts": counts, "searched": searched.words if states else ""})  # fmt: skip
@@ -300,8 +300,8 @@ def lint(
                 f"{entry.problem}; {entry.remedy}",
                 style=STYLES[entry.severity],
             )
-        told = ", ".join(f"{name}s {count}" for name, count in counts.items())
-        out.print(f"rules: {len(rule_set.rules)}, {told}")
+        numbers = ", ".join(f"{name}s {count}" for name, count in counts.items())
+        out.print(f"rules: {len(rule_set.rules)}, {numbers}")
         if states:
             out.print_line(f"searched: {searched.words}")
     if counts["error"] or counts["warning"]:

@@ -192,15 +192,15 @@ def _missions(
 
 def _print_effects(effects: Effects) -> None:
     """Print the changed decisions and the gaps by log, then the totals."""
-    for place, found in effects.found.items():
-        if not found.flips and not found.gaps and place not in effects.notes:
+    for place, outcome in effects.found.items():
+        if not outcome.flips and not outcome.gaps and place not in effects.notes:
             continue
-        out.print_line(f"{place}: session {found.session}" if found.session else f"{place}:")
+        out.print_line(f"{place}: session {outcome.session}" if outcome.session else f"{place}:")
         if place in effects.notes:
             out.print_line(f"  note: {effects.notes[place]}")
-        for flip in found.flips:
+        for flip in outcome.flips:
             out.print_line(_flip(flip))
-        for gap in found.gaps:
+        for gap in outcome.gaps:
             at = f"{gap.mission} attempt {gap.attempt}" if gap.attempt else gap.mission
             rule = f" {gap.rule}:" if gap.rule else ""
             out.print_line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
@@ -237,33 +237,33 @@ def trace(
     Each line shows the event, the simulation's tick, the attempt and the finding. Exits with 1 if
     no session mentions the rule, and with 2 if a log cannot be read.
     """
-    found: dict[str, list[Trail]] = {}
+    trails: dict[str, list[Trail]] = {}
     unread: dict[str, str] = {}
     places = find_logs(logs)
     with TransientBar("reading sessions", len(places)) as bar:
         for log in places:
             try:
                 events = SessionEvents(log)
-                found[str(log)] = trail_of(rule, events)
+                trails[str(log)] = trail_of(rule, events)
                 if events.problem:
                     unread[str(log)] = events.problem
             except DocumentError as error:
                 unread[str(log)] = str(error)
             bar.advance()
     if json:
-        print_json({"rule": rule, "sessions": found, "unread": unread})
+        print_json({"rule": rule, "sessions": trails, "unread": unread})
     else:
-        _print_trails(rule, found, every)
+        _print_trails(rule, trails, every)
     for log, problem in unread.items():
         errors.print_line(f"{log}: not read completely: {problem}")
     if unread:
         raise typer.Exit(BAD_INPUT)
-    if not any(found.values()):
+    if not any(trails.values()):
         raise typer.Exit(FAILED)
 
 
-def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None:
-    for log, trails in found.items():
+def _print_trails(rule: str, sessions: dict[str, list[Trail]], every: bool) -> None:
+    for log, trails in sessions.items():
         for trail in trails:
             shown = [e for e in trail.entries if every or e.did != "not applicable"]
             if not shown:
@@ -275,14 +275,14 @@ def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None
                 out.print_line(
                     f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}"
                 )
-    every_trail = [trail for trails in found.values() for trail in trails]
-    parts = [f"{name} in {_count(every_trail, what)}" for name, what in COUNTED_DEEDS]
-    searched = f"sessions searched: {len(found)}"
+    every_trail = [trail for trails in sessions.values() for trail in trails]
+    parts = [f"{name} in {_count(every_trail, deeds)}" for name, deeds in COUNTED_DEEDS]
+    searched = f"sessions searched: {len(sessions)}"
     if every_trail:
         out.print_line(f"{rule}, missions: {', '.join(parts)}; {searched}")
     else:
         out.print_line(f"{rule}: not mentioned in any mission; {searched}")
 
 
-def _count(trails: Iterable[Trail], what: tuple[RuleDeed, ...]) -> int:
-    return sum(trail.did(*what) for trail in trails)
+def _count(trails: Iterable[Trail], deeds: tuple[RuleDeed, ...]) -> int:
+    return sum(trail.did(*deeds) for trail in trails)
