@@ -61,7 +61,7 @@ def models(incomplete: str) -> list[str]:
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
 
     try:
-        return _beginning(incomplete, (one.name for one in Catalog.load().models))
+        return _beginning(incomplete, (model.name for model in Catalog.load().models))
     except DocumentError:
         return []
 

@@ -27,7 +27,7 @@ that runs for days still needs collections, to remove closed screens.
 REMEDIES = {
     errno.ENOSPC: "; free some space on that disk",
     errno.EDQUOT: "; free some space on that disk",
-    errno.EROFS: "; let XDG_STATE_HOME and XDG_CONFIG_HOME name folders that can be written to",
+    errno.EROFS: "; set XDG_STATE_HOME and XDG_CONFIG_HOME to writable folders",
 }
 """The remedies for errors of the file system that are the same in all commands."""
 
@@ -35,10 +35,10 @@ app = typer.Typer(
     name="pa-console",
     cls=Verbs,
     help="Command a team of robots in plain language, safely, with a local LLM.",
-    epilog="Exit codes: 0 done and verified, 2 bad input, 3 refused, rejected, held or cancelled, "
-    "4 executed but not verified, 130 interrupted, 1 anything else.\n\n"
-    "\b\nCompletion in your shell: pa-console --install-completion\n"
-    "What this machine lacks:  pa-console doctor\n\n"
+    epilog="Exit codes: 0 success, 1 failure, 2 bad input, 3 refused, rejected, held or cancelled, "
+    "4 executed but not verified, 5 question to answer, 130 interrupted.\n\n"
+    "\b\nInstall shell completion: pa-console --install-completion\n"
+    "Check this machine:       pa-console doctor\n\n"
     "\b\nExample:\n  pa-console --set theme=pa-console-light console --scenario situation-2",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -49,14 +49,15 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def _default(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Show the version and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
     json: Annotated[
-        bool, typer.Option("--json", help="With --version: as JSON, with the versions below it.")
+        bool,
+        typer.Option("--json", help="With --version: print JSON that includes library versions."),
     ] = False,
     assignments: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="NAME=VALUE", help="A setting for this run only; repeatable."
+            "--set", metavar="NAME=VALUE", help="Override a setting for this run. Repeatable."
         ),
     ] = None,
 ) -> None:
@@ -65,7 +66,7 @@ def _default(
         _print_version(json)
         raise typer.Exit
     if json:
-        raise ValueError("--json goes with --version, or after a verb")
+        raise ValueError("give --json together with --version, or after a verb")
     from pa_console.cli.settings_defaults import set_defaults  # noqa: PLC0415 - not needed for --version
 
     set_defaults(context, assignments or ())

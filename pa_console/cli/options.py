@@ -15,7 +15,7 @@ WorldOption = Annotated[
     str,
     typer.Option(
         "--world",
-        help="A world: an installed name, a folder or a file.",
+        help="World to use: an installed name, a folder or a file.",
         autocompletion=completion.worlds,
     ),
 ]
@@ -23,22 +23,22 @@ RulesOption = Annotated[
     str,
     typer.Option(
         "--rules",
-        help="A rule file: an installed name or path.",
+        help="Rules to use: an installed name or a file.",
         autocompletion=completion.rule_files,
     ),
 ]
 UnsignedOption = Annotated[
     bool,
     typer.Option(
-        "--unsigned", help="Take rules that were altered since they were signed; the log says so."
+        "--unsigned", help="Accept rules that were changed after signing; the log records it."
     ),
 ]
 ModelOption = Annotated[
     str | None,
     typer.Option(
         "--model",
-        help="A model of the catalogue, the path of a GGUF file, or, in console and mission, a "
-        "model on a server: openai:BASE_URL#NAME.",
+        help="Model to use: a name from the catalogue or a GGUF file. The verbs console and "
+        "mission also accept a model on a server: openai:BASE_URL#NAME.",
         autocompletion=completion.models,
     ),
 ]
@@ -46,7 +46,7 @@ ScenarioOption = Annotated[
     str | None,
     typer.Option(
         "--scenario",
-        help="A situation to play; see 'pa-console scenarios list'.",
+        help="Situation to play; 'pa-console scenarios list' shows them.",
         autocompletion=completion.scenarios,
     ),
 ]
@@ -56,13 +56,15 @@ FleetOption = Annotated[
     typer.Option(
         "--fleet",
         metavar="URL",
-        help="Drive robots: on a message bus (mqtts://host:8883/site), or over a link "
-        "(ros2:ADDRESS, mavlink:ADDRESS). Repeat it for a mixed team.",
+        help="Command robots on a message bus (mqtts://host:8883/site) or over a link "
+        "(ros2:ADDRESS, mavlink:ADDRESS). Repeat the option for a mixed team.",
     ),
 ]
 CertificatesOption = Annotated[
     Path | None,
-    typer.Option("--certificates", help="The folder of 'pa-console site init', to be let in with."),
+    typer.Option(
+        "--certificates", help="Folder of certificates for the bus, from 'pa-console site init'."
+    ),
 ]
 AlertOption = Annotated[
     list[str] | None,
@@ -70,8 +72,8 @@ AlertOption = Annotated[
         "--alert",
         metavar="URL",
         envvar="PA_CONSOLE_ALERT",
-        help="Alert people by mail, chat or push: an address of Apprise; repeatable. Better set "
-        "where no list of processes shows it.",
+        help="Send alerts to this Apprise address (mail, chat or push). Repeatable. Prefer the "
+        "environment variable, because other users can see command lines.",
     ),
 ]
 AlertLaterOption = Annotated[
@@ -80,33 +82,35 @@ AlertLaterOption = Annotated[
         "--alert-later",
         metavar="URL",
         envvar="PA_CONSOLE_ALERT_LATER",
-        help="Alert these people too when nobody acts.",
+        help="Also send alerts to this address if nobody acts. Repeatable.",
     ),
 ]
 OriginOption = Annotated[
     str,
     typer.Option(
         metavar="LAT,LON[,BEARING[,ALTITUDE]]",
-        help="Where on the earth the world's (0, 0) is, in place of what the world file says.",
+        help="Geographic position of the world's (0, 0); overrides the world file.",
     ),
 ]
 MouseOption = Annotated[
-    bool, typer.Option("--mouse/--no-mouse", help="Take the mouse, or leave it to the terminal.")
+    bool, typer.Option("--mouse/--no-mouse", help="Use the mouse, or leave it to the terminal.")
 ]
 SessionWorldOption = Annotated[
-    str | None, typer.Option("--world", help="The session's world, when it is a file.")
+    str | None,
+    typer.Option("--world", help="World file of the session, if its world is not installed."),
 ]
 SessionRulesOption = Annotated[
-    str | None, typer.Option("--rules", help="The session's rules, when they are a file.")
+    str | None,
+    typer.Option("--rules", help="Rule file of the session, if its rules are not installed."),
 ]
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")
+    bool, typer.Option("--json", help="Print the result as one JSON document on stdout.")
 ]
 WorkersOption = Annotated[
-    int, typer.Option(min=0, help="Make them in so many processes of this machine (Dask).")
+    int, typer.Option(min=0, help="Distribute the work over this many local processes (Dask).")
 ]
 SchedulerOption = Annotated[
-    str, typer.Option(help="Make them on the workers of this Dask scheduler: tcp://HOST:PORT.")
+    str, typer.Option(help="Distribute the work over this Dask scheduler: tcp://HOST:PORT.")
 ]
 
 
@@ -114,7 +118,7 @@ def one_of(**given: bool) -> None:
     """Raise ValueError if more than one of these options was given."""
     if sum(given.values()) > 1:
         names = [f"--{name}" for name in given]
-        raise ValueError(f"give one of {', '.join(names[:-1])} and {names[-1]}")
+        raise ValueError(f"give only one of {', '.join(names[:-1])} and {names[-1]}")
 
 
 @dataclass(frozen=True)
@@ -130,21 +134,21 @@ class SessionOptions:
     certificates: CertificatesOption = None
     alarms: Annotated[
         bool | None,
-        typer.Option("--alarms/--no-alarms", help="Alarms become missions by themselves."),
+        typer.Option("--alarms/--no-alarms", help="Queue a mission for each alarm automatically."),
     ] = True
     """None means that alarms become missions only in a scenario."""
     witness: Annotated[
         str,
         typer.Option(
             metavar="FILE|URL",
-            help="Give the log's signed heads to a file on another disk, or to a web address.",
+            help="Send the log's signed heads to a file on another disk or to a web address.",
         ),
     ] = ""
     traces: Annotated[
         str,
         typer.Option(
             metavar="URL",
-            help="Give every mission as a trace to this OpenTelemetry collector (OTLP over HTTP).",
+            help="Send a trace of every mission to this OpenTelemetry collector (OTLP over HTTP).",
         ),
     ] = ""
     metrics_port: Annotated[
@@ -152,7 +156,7 @@ class SessionOptions:
         typer.Option(
             min=0,
             max=65_535,
-            help="Give metrics as Prometheus text at this port of this machine; 0 for none.",
+            help="Serve Prometheus metrics on this local port; 0 disables them.",
         ),
     ] = 0
     tak: Annotated[
@@ -166,8 +170,8 @@ class SessionOptions:
         bool | None,
         typer.Option(
             "--tak-contacts/--no-tak-contacts",
-            help="Show what others on the TAK server report, as unverified contacts, or not; shown "
-            "by default where the server is reached over TLS, or is on this machine.",
+            help="Show reports from others on the TAK server as unverified contacts. Default: only "
+            "if the server uses TLS or is on this machine.",
         ),
     ] = None
     unsigned: UnsignedOption = False
@@ -175,15 +179,15 @@ class SessionOptions:
         bool,
         typer.Option(
             "--accept-rules",
-            help="Take rules that are less than those used before (not signed, signed by another, "
-            "of a lower version); log and reports say so.",
+            help="Accept rules that are less trusted than those used before: unsigned, signed with "
+            "another key, or of a lower version. Log and reports record it.",
         ),
     ] = False
     require_sandbox: Annotated[
         bool,
         typer.Option(
             "--require-sandbox",
-            help="Refuse to start where the system does not confine the model's process.",
+            help="Refuse to start if the system cannot confine the model's process.",
         ),
     ] = False
     alert: list[str] | None = None
@@ -212,7 +216,7 @@ class AttendedOptions(SessionOptions):
             metavar="PORT",
             min=0,
             max=65_535,
-            help="Let agents propose missions over MCP at this port of this machine; 0 for none.",
+            help="Let agents propose missions over MCP on this local port; 0 disables it.",
         ),
     ] = 0
 
@@ -223,7 +227,7 @@ class FollowOptions:
 
     server: Annotated[
         str,
-        typer.Option(metavar="URL", help="The TAK server: tls://HOST:8089, or tcp://HOST:8087."),
+        typer.Option(metavar="URL", help="TAK server: tls://HOST:8089 or tcp://HOST:8087."),
     ]
     join: Annotated[
         str,
@@ -238,31 +242,30 @@ class FollowOptions:
         str,
         typer.Option(
             metavar="SESSION",
-            help="Play a recorded session: its log, its id, or 'last'; marked as a replay.",
+            help="Replay a recorded session: a log file, a session id or 'last'. The map marks it "
+            "as a replay.",
         ),
     ] = ""
     speed: Annotated[
-        float, typer.Option(min=0.1, max=32.0, help="With --replay: how many times as fast.")
+        float, typer.Option(min=0.1, max=32.0, help="With --replay: the speed factor.")
     ] = 1.0
     world: SessionWorldOption = None
     origin: OriginOption = ""
     name: Annotated[
         str | None,
-        typer.Option(
-            help="What this site is called in the ids on the map; default: the world's name."
-        ),
+        typer.Option(help="Name of this site in the ids on the map. Default: the world's name."),
     ] = None
     every: Annotated[
-        float, typer.Option(min=0.1, max=60.0, help="Seconds between two pictures, at least.")
+        float, typer.Option(min=0.1, max=60.0, help="Least number of seconds between two updates.")
     ] = 1.0
     tls_cert: Annotated[
-        Path | None, typer.Option(help="The client's certificate: PEM, or PKCS #12 (.p12).")
+        Path | None, typer.Option(help="Client certificate: PEM or PKCS #12 (.p12).")
     ] = None
     tls_key: Annotated[
-        Path | None, typer.Option(help="Its key (PEM), when it is not in that file.")
+        Path | None, typer.Option(help="Key of that certificate (PEM), if it is in another file.")
     ] = None
     tls_ca: Annotated[
-        Path | None, typer.Option(help="The authority (PEM) that vouches for the server.")
+        Path | None, typer.Option(help="Certificate authority of the server (PEM).")
     ] = None
 
 

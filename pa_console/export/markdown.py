@@ -40,13 +40,13 @@ def inline(text: str) -> str:
 def _line(text: str) -> str:
     """Return one line, escaped so that it contains no markup of Markdown or HTML."""
     text = visible(text.strip())
-    linked = _LINK.sub(lambda found: found[0].replace(":", "\0").replace(".", "\1"), text)
+    linked = _LINK.sub(lambda match: match[0].replace(":", "\0").replace(".", "\1"), text)
     marked = _SPECIAL.sub(r"\\\g<0>", linked).replace("\0", r"\:").replace("\1", r"\.")
     return _LIST_MARK.sub(_escaped_mark, marked)
 
 
-def _escaped_mark(found: re.Match[str]) -> str:
-    return f"{found[1]}\\{found[2]}" if found[2] else f"{found[1]}{found[3]}\\{found[4]}"
+def _escaped_mark(match: re.Match[str]) -> str:
+    return f"{match[1]}\\{match[2]}" if match[2] else f"{match[1]}{match[3]}\\{match[4]}"
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -99,13 +99,13 @@ def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
     if trace.stills:
         yield "## Pictures of cameras"
     for number, still in trace.stills.items():
-        told = f"{still.track} by {still.camera}, at {still.taken_s:.1f} s, with plan {number}"
+        caption = f"{still.track} by {still.camera}, at {still.taken_s:.1f} s, with plan {number}"
         if still.sha256 is None:
-            yield f"{inline(told)}: {inline(still.problem)}"
+            yield f"{inline(caption)}: {inline(still.problem)}"
             continue
         if folder:
-            yield f"![{inline(told)}](<{quote(folder)}/{still.file_name}>)"
-        yield f"{inline(told)}, SHA-256 {still.sha256}"
+            yield f"![{inline(caption)}](<{quote(folder)}/{still.file_name}>)"
+        yield f"{inline(caption)}, SHA-256 {still.sha256}"
 
 
 def _standing(trace: MissionTrace) -> str:

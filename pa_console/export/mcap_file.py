@@ -238,7 +238,7 @@ def _resolved(schema: Schema) -> Schema:
     return put(schema)
 
 
-NEEDED = f"MCAP files need one more package: {install_hint('mcap')}"
+NEEDED = f"MCAP files need another package: {install_hint('mcap')}"
 
 
 class LogMessage(BaseModel):
@@ -326,8 +326,8 @@ class Channels:
 
     def _register(self, topic: str, name: str, schema: Schema) -> None:
         data = json.dumps(schema).encode()
-        known = self._writer.register_schema(name, "jsonschema", data)
-        self._ids[topic] = self._writer.register_channel(topic, "json", known)
+        schema_id = self._writer.register_schema(name, "jsonschema", data)
+        self._ids[topic] = self._writer.register_channel(topic, "json", schema_id)
 
     def _write(self, topic: str, message: BaseModel, stamp: int, sequence: int) -> None:
         data = message.model_dump_json().encode()

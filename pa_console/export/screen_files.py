@@ -1,6 +1,7 @@
 """A replay on the console's own screen as numbered SVG pictures or as an asciicast, version 2."""
 
 import asyncio
+import gc
 import io
 import json
 from collections.abc import Awaitable, Callable, Iterable, Iterator
@@ -11,8 +12,11 @@ from pathlib import Path
 from typing import Any, BinaryIO, cast, get_args
 
 from rich.console import Console
+from textual._compositor import ChopsUpdate, Compositor
 from textual.driver import Driver
 from textual.drivers.headless_driver import HeadlessDriver
+from textual.geometry import Region
+from textual.message_pump import MessagePump
 from textual.pilot import Pilot
 
 import pa_console.tui
@@ -54,6 +58,29 @@ class TapeDriver(HeadlessDriver):
         cast(ShotApp, self._app).tape.append(data)
 
 
+class ChangedCompositor(Compositor):
+    """A compositor that renders only the widgets with changes, and emits the same output.
+
+    Textual's own renders every widget in the rectangle around all changes, which in a replay is
+    nearly always the whole screen.
+    """
+
+    def render_partial_update(self) -> ChopsUpdate | None:
+        """Render the changed regions."""
+        widgets, _ = self.visible_widgets, self.cuts  # the cuts are those of all widgets
+        # A widget that begins where a change ends counts, because the cursor is moved there.
+        changed = [Region(x, y, width + 1, height) for x, y, width, height in self._dirty_regions]
+        self._visible_widgets = {
+            widget: (region, clip)
+            for widget, (region, clip) in widgets.items()
+            if any(map(region.intersection(clip).overlaps, changed))
+        }
+        try:
+            return super().render_partial_update()
+        finally:
+            self._visible_widgets = widgets
+
+
 class ShotRecordingScreen(RecordingScreen):
     """A recording screen that the exporter moves."""
 
@@ -61,6 +88,11 @@ class ShotRecordingScreen(RecordingScreen):
     """The number of events that had been played at the last painting."""
     filmed: bool = False
     """True once only the exporter decides when something is painted."""
+
+    def __init__(self, *shown: Any) -> None:
+        """Pass the recording that is `shown` to the screen."""
+        super().__init__(*shown)
+        self._compositor = ChangedCompositor()
 
     def paint(self) -> None:
         """Send the changes on the screen to the terminal."""
@@ -124,6 +156,8 @@ class ReplayedScreen:
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
+        self._pumps: tuple[MessagePump, ...] = (app,)
+        """The app, the screen and its widgets, as they were last found."""
         self.player = player
 
     async def show(self) -> None:
@@ -149,8 +183,9 @@ class ReplayedScreen:
         quiet = 0
         while quiet < QUIET_ROUNDS:
             await asyncio.sleep(0)
-            pumps = (self._app, *screen.walk_children(with_self=True))
-            quiet = 0 if any(pump.message_queue_size for pump in pumps) else quiet + 1
+            if quiet == QUIET_ROUNDS - 1:  # new widgets are looked for once, because it takes long
+                self._pumps = (self._app, *screen.walk_children(with_self=True))
+            quiet = 0 if any(pump.message_queue_size for pump in self._pumps) else quiet + 1
 
     def written(self) -> str:
         """Return the terminal output since the last call."""
@@ -183,6 +218,7 @@ async def picture_replay(
         app.exit()
 
     running = asyncio.create_task(app.run_async(mouse=False, size=size, auto_pilot=ready))
+    gc.freeze()  # collections need not look at the modules and the recording, which stay
     try:
         await asyncio.shield(running)
     except asyncio.CancelledError:
@@ -191,8 +227,10 @@ async def picture_replay(
         app.exit()
         await asyncio.gather(running, return_exceptions=True)
         raise
+    finally:
+        gc.unfreeze()
     if app.return_code:
-        raise RuntimeError("the console broke down while pictures were taken of it")
+        raise RuntimeError("the console failed while it was being recorded")
 
 
 KINDS = tuple(
@@ -221,10 +259,10 @@ def shots_at(recording: Recording, kinds: Iterable[str], first: float, last: flo
         recording.timeline.count_until(first - JUST_BEFORE_S), recording.timeline.count_until(last)
     )
     others = (index for index in span if not recording.timeline.is_telemetry(index))
-    found = [(index, recording[index].data.kind) for index in others]
+    events = [(index, recording[index].data.kind) for index in others]
     return [
         Shot(recording.timeline.seconds[index], kind, index)
-        for index, kind in found
+        for index, kind in events
         if kind in wanted
     ]
 
@@ -264,15 +302,15 @@ def positions(recording: Recording, first: float, last: float, step: float) -> l
     While only telemetry arrives, they are `QUIET_STEPS` times as far apart.
     """
     shown, timeline = [first], recording.timeline
-    known, since = timeline.count_until(first), 0
+    shown_count, since = timeline.count_until(first), 0
     for number in range(1, int((last - first) / step) + 1):
         at = first + number * step
         count = timeline.count_until(at)
-        told = any(True for _ in timeline.without_telemetry(known, count))
-        if told or (count > known and number - since >= QUIET_STEPS):
+        eventful = any(True for _ in timeline.without_telemetry(shown_count, count))
+        if eventful or (count > shown_count and number - since >= QUIET_STEPS):
             shown.append(at)
-            known, since = count, number
-    if timeline.count_until(last) > known:
+            shown_count, since = count, number
+    if timeline.count_until(last) > shown_count:
         shown.append(last)
     return shown
 

@@ -62,8 +62,8 @@ class _Shift:
             case ev.MissionFinished(status=status, reason=reason) if event.mission:
                 self.ended[event.mission] = f"{at} {status}", reason
             case ev.DecisionMade(accepted=True, decision=decision):
-                said = deviations_in_words(decision) or decision.reason
-                self.decisions.append((at, event.mission, decision.kind, decision.by, said))
+                reason_words = deviations_in_words(decision) or decision.reason
+                self.decisions.append((at, event.mission, decision.kind, decision.by, reason_words))
             case ev.AllStopped(by=by):
                 self.interventions.append((at, "stop of all assets", by))
             case ev.StopReleased(by=by):
@@ -126,7 +126,7 @@ def _summary(session: OpenedSession, state: SessionState, shift: _Shift, first: 
     rows = [
         ("from", f"{first.astimezone():%Y-%m-%d %H:%M:%S %Z}"),
         ("to", f"{last.astimezone():%Y-%m-%d %H:%M:%S}, {clock_text(duration)} later"),
-        ("ended", state.ended or "not closed"),
+        ("ended", state.ended or "no, not closed"),
         ("missions", f"{len(state.missions)}: {outcomes_in_words(ends)}"),
         ("decisions", ", ".join(f"{number} by {name}" for name, number in by.items()) or "none"),
         ("alarms", ", ".join(priorities) or "none"),

@@ -28,9 +28,9 @@ def whole_file(path: Path, log: Path) -> Generator[BinaryIO]:
     Raises ValueError if `path` is a folder, the `log` itself or any other file of an audit.
     """
     if path.is_dir():
-        raise ValueError(f"{path}: this is a folder; give the name of a file")
+        raise ValueError(f"{path}: this is a folder; give a file")
     if path.exists() and path.samefile(log):
-        raise ValueError(f"{path}: this is the log itself; give another name")
+        raise ValueError(f"{path}: this is the log itself; choose another file")
     refuse_audit_file(path)
     part = _beside(path)
     try:
@@ -48,7 +48,7 @@ def whole_folder(path: Path) -> Generator[Path]:
     Raises ValueError if `path` exists and is not an empty folder.
     """
     if path.exists() and not (path.is_dir() and not any(path.iterdir())):
-        raise ValueError(f"{path}: exists already; name a new or an empty folder")
+        raise ValueError(f"{path} exists; choose a new or an empty folder")
     part = _beside(path)
     part.mkdir()
     try:
@@ -99,7 +99,7 @@ def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule
     name = given or started.rules
     path = find_data("rules", name, "rules.yaml")
     if given is None and not path.is_file():
-        return {}, f"the rules {name!r} of this session are not here: ids without texts"
+        return {}, f"the rules {name!r} of this session are not installed; only ids are shown"
     book = load_rules(path)
     changed = book.sha256 != started.rules_sha256
     note = "the rules have changed since this session" if changed else ""
@@ -125,8 +125,8 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
     ):
         if given is None and not find_data(kind, name, file).is_file():
             raise ValueError(
-                f"{name!r}, the {file} of this session, is not installed here; give the file "
-                f"with --{file.removesuffix('.yaml')}"
+                f"the {file.removesuffix('.yaml')} {name!r} of this session is not installed here; "
+                f"give its file with --{file.removesuffix('.yaml')}"
             )
     return load_site(world or started.world, rules or started.rules, unsigned=True)
 
@@ -138,12 +138,12 @@ def choose_mission(missions: Mapping[str, MissionTrace], wanted: str) -> Mission
     """
     if not missions:
         raise ValueError("the session has no mission")
-    known = ", ".join(missions)
+    names = ", ".join(missions)
     if wanted in missions:
         return missions[wanted]
     begun = [name for name in missions if wanted and name.startswith(wanted)]
     if len(begun) > 1:
-        raise ValueError(f"--mission {wanted}: which one? {', '.join(begun)}")
+        raise ValueError(f"--mission {wanted}: ambiguous; choose one of {', '.join(begun)}")
     if not begun:
-        raise ValueError(f"--mission {wanted}: there is no such mission; known: {known}")
+        raise ValueError(f"--mission {wanted}: there is no such mission; choose one of {names}")
     return missions[begun[0]]

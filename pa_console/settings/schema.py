@@ -21,7 +21,7 @@ def _whole(path: Path) -> Path:
     """
     path = path.expanduser()
     if not path.is_absolute():
-        raise ValueError("give the whole path, or one that begins with ~")
+        raise ValueError("give an absolute path, or one that begins with ~")
     return path
 
 
@@ -78,15 +78,15 @@ class Settings(BaseModel):
     model: Annotated[
         str,
         _shown("Session", "Model"),
-        "The model that plans and judges: a name of the catalogue, or the path of a GGUF file. "
-        "Empty is the catalogue's default. A model on a server plans, openai:BASE_URL#NAME; the "
-        "default judges, and takes over when the server is unreachable.",
+        "The model that plans and judges: a name in the catalogue, or the path of a GGUF file. "
+        "Empty is the catalogue's default. With a model on a server, openai:BASE_URL#NAME, the "
+        "server plans; the default model judges, and replaces an unreachable server.",
     ] = ""
     second_reader: Annotated[
         str,
         _shown("Session", "Second reader"),
         "The model that reads an order again if the first is unsure. Empty is the model's "
-        "companion, if it was pulled; off is none. It may be on a server.",
+        "companion, if it is downloaded; off is none. It may be on a server.",
     ] = ""
     judge_server: Annotated[
         str,
@@ -144,14 +144,13 @@ class Settings(BaseModel):
     alert_from: Annotated[
         AlarmPriority,
         _shown("Approval and alarms", "Alert from", form="emergency, high, medium or low"),
-        "The lowest priority of an alarm that `--alert` tells people of at once.",
+        "The lowest priority of alarms that `--alert` sends at once.",
     ] = "high"
     alert_after_min: Annotated[
         float,
         _shown("Approval and alarms", "Alert again after", ge=0.0, le=240.0),
-        "Minutes without anybody acting after which an alarm, or a plan that waits, is told "
-        "again, and to the people of `--alert-later`; then at twice the interval each time. 0 is "
-        "never.",
+        "Minutes without a response after which an alarm or a waiting plan is sent again, also to "
+        "`--alert-later`; the interval then doubles each time. 0 is never.",
     ] = 5.0
     check_deadline_ms: Annotated[
         float,
@@ -162,29 +161,29 @@ class Settings(BaseModel):
     standing_confidence: Annotated[
         float,
         _shown("Approval and alarms", "Standing instruction needs", restart=False, ge=0.0, le=1.0),
-        "The confidence, 0 to 1, that `--approve auto` needs to approve a plan. An order with "
-        "words that its reading leaves out is never approved in this way.",
+        "The confidence, 0 to 1, that `--approve auto` needs to approve a plan. An order whose "
+        "reading ignores some of its words is never approved automatically.",
     ] = 0.9
     moment_grace_s: Annotated[
         float,
         _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0),
-        "Seconds that a timed order may start late, which it reports. A time missed by more, as "
-        "while the machine slept, starts nothing, and an event says so.",
+        "Seconds that a timed order may start late. If it would be later, for example because the "
+        "machine slept, it does not start, and an event reports this.",
     ] = 60.0
     shortest_interval_s: Annotated[
         float,
         _shown("Approval and alarms", "Shortest interval", ge=1.0, le=3600.0),
-        "The shortest interval of a repeated order, seconds.",
+        "The shortest interval of a repeated order, in seconds.",
     ] = 60.0
     patrol_stay_s: Annotated[
         float,
         _shown("Approval and alarms", "Stay at each place of a patrol", ge=0.0, le=3600.0),
-        "Seconds that an asset stays at each place of a patrol, unless the order says how long.",
+        "Seconds that an asset stays at each place of a patrol, unless the order gives a time.",
     ] = 10.0
     patrol_laps: Annotated[
         int,
         _shown("Approval and alarms", "Most laps of a patrol", ge=1, le=50),
-        "The most laps of a patrol. The console questions one with more laps or without an end.",
+        "The most laps of a patrol. For more laps, or a patrol without an end, the console asks.",
     ] = 10
     stale_after_s: Annotated[
         float,
@@ -194,17 +193,17 @@ class Settings(BaseModel):
     bell: Annotated[
         bool,
         _shown("Screen", "Bell", restart=False),
-        "Whether the terminal's bell rings when a plan or an urgent alarm begins to wait for you.",
+        "Whether the terminal's bell rings when a plan or an urgent alarm needs you.",
     ] = True
     desktop_notices: Annotated[
         bool,
         _shown("Screen", "Desktop notices", restart=False),
-        "Whether the terminal shows a desktop notice then (OSC 9 and OSC 777).",
+        "Whether the terminal also shows a desktop notice (OSC 9 and OSC 777).",
     ] = True
     window_title: Annotated[
         bool,
         _shown("Screen", "Window title", restart=False),
-        "Whether the title of the terminal's window names what waits for you.",
+        "Whether the title of the terminal's window shows the plan or alarm that needs you.",
     ] = True
     theme: Annotated[
         str,
@@ -219,12 +218,12 @@ class Settings(BaseModel):
     history_kept: Annotated[
         int,
         _shown("Screen", "Missions remembered", ge=0, le=10_000),
-        "How many typed missions the arrow keys bring back in the mission field.",
+        "The number of typed missions that the arrow keys recall in the mission field.",
     ] = 200
     logs: Annotated[
         WholePath | None,
         _shown("Files", "Session logs"),
-        "The folder that session logs are written to. Empty is the user's state folder.",
+        "The folder for session logs. Empty is the user's state folder.",
     ] = None
     cache: Annotated[
         WholePath | None,
@@ -289,7 +288,7 @@ class Settings(BaseModel):
     tak_authority: Annotated[
         WholePath | None,
         _shown("TAK maps", "Authority for TAK"),
-        "The certificate (PEM) of the authority that vouches for the TAK server.",
+        "The certificate (PEM) of the authority that signed the TAK server's certificate.",
     ] = None
     keys: Annotated[
         dict[str, str],

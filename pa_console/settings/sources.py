@@ -131,9 +131,11 @@ def default_settings() -> LoadedSettings:
 
 def unknown_variables() -> list[str]:
     """Return the unknown PA_CONSOLE_... variables in the environment."""
-    known = {f"{ENV_PREFIX}{name.upper()}" for name in Settings.model_fields}
-    known |= {FILE_VARIABLE, *SECRET_VARIABLES}
-    return sorted(name for name in os.environ if name.startswith(ENV_PREFIX) and name not in known)
+    variables = {f"{ENV_PREFIX}{name.upper()}" for name in Settings.model_fields}
+    variables |= {FILE_VARIABLE, *SECRET_VARIABLES}
+    return sorted(
+        name for name in os.environ if name.startswith(ENV_PREFIX) and name not in variables
+    )
 
 
 def _read(path: Path) -> Document | None:
@@ -152,17 +154,17 @@ def _environment() -> dict[str, object]:
     """
     given = {name.upper(): text for name, text in os.environ.items() if text}
     named = {name: given.get(f"{ENV_PREFIX}{name.upper()}") for name in Settings.model_fields}
-    found: dict[str, object] = {name: text for name, text in named.items() if text is not None}
-    if "keys" in found:
+    values: dict[str, object] = {name: text for name, text in named.items() if text is not None}
+    if "keys" in values:
         try:
-            found["keys"] = json.loads(str(found["keys"]))
+            values["keys"] = json.loads(str(values["keys"]))
         except ValueError as error:
             problem = """not JSON; write it like {"stop": "f11"}"""
             raise DocumentError(f"{ENV_PREFIX}KEYS", 0, "", problem) from error
     for name in PATHS:
-        if name in found:
-            found[name] = str(Path(str(found[name])).expanduser().absolute())
-    return found
+        if name in values:
+            values[name] = str(Path(str(values[name])).expanduser().absolute())
+    return values
 
 
 def _merged(loaded: LoadedSettings) -> LoadedSettings:
@@ -190,14 +192,14 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
     name = str(field[0]) if field else ""
     if kind == "extra_forbidden":
         near = get_close_matches(name, about, 1)
-        hint = f"did you mean {near[0]}? " if near else ""
-        return f"there is no such setting; {hint}Known: {', '.join(about)}"
+        hint = f"did you mean {near[0]}? The" if near else "the"
+        return f"unknown setting; {hint} settings are: {', '.join(about)}"
     setting = about[name]
     if kind == "dict_type":
-        problem = "expected names, each with its value"
+        problem = "expected names with values"
     remedy = f"give {setting.limits}" if setting.limits else "correct it"
     default = value_text(setting.default)
-    return f"{problem_text(problem)}; {remedy}, or leave it out for the default" + (
+    return f"{problem_text(problem)}; {remedy}, or omit it for the default" + (
         f" ({default})" if default and name != "keys" else ""
     )
 

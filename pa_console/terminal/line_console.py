@@ -20,27 +20,27 @@ from pa_console.terminal.typed_lines import HOW, TypedAnswer, is_answer, read_an
 from pa_console.views.waiting import Waiting, behind_line
 
 HELP = """\
-Type a mission in plain words, and Enter. Everything else is one of these lines:
-  stop              every asset holds at once, open plans are void; release ends that
-  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
-  approve, reject   answer to a plan that waits; reject WHY, approve because WHY
-  modify PLAN       another plan: ASSET COMMAND; ASSET COMMAND
-  reading 1         the order was meant as this reading of those that are offered
-  show              say the plan that waits once more
-  mission TEXT      give TEXT as a mission while a plan waits
-  first             let the next mission go before the one that waits for your answer
-  cancel            end the active mission, in any stage
-  status            time, gates, stop, the active mission, what waits
+Type a mission in plain words, then press Enter. These lines are commands:
+  stop              hold every asset at once and void open plans; release ends the stop
+  why?              ask about the plan: why Drone_T04? why not the robot? what else could you do?
+  approve, reject   decide on the waiting plan; give a reason: reject WHY, approve because WHY
+  modify PLAN       replace the plan: ASSET COMMAND; ASSET COMMAND
+  reading 1         choose this reading of the order
+  show              show the waiting plan again
+  mission TEXT      give a mission while a plan waits
+  first             start the next mission before the one that waits for your answer
+  cancel            cancel the active mission
+  status            show time, gates, stop, active mission and queue
   assets, alarms, queue, trace
-  standing          the standing orders in force; revoke, pause, resume or skip S1
+  standing          list the standing orders; revoke, pause, resume or skip S1
   seen              acknowledge the open alarms
-  speed 2           simulated seconds per second, 1 to 8
+  speed 2           set the simulated seconds per second, 1 to 8
   help, quit"""
 CTRL_C = (
-    "Ctrl-C stops nothing by itself. Type stop (every asset holds) or quit (the session ends); "
-    "any other line goes on."
+    "Ctrl-C does not stop anything. Type stop to hold every asset, or quit to end the session; "
+    "otherwise just continue."
 )
-TOLD_EVERY_S = 5.0
+WAITING_EVERY_S = 5.0
 """The interval between two lines about the present wait, in seconds."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
@@ -48,17 +48,17 @@ _STANDING = re.compile(r"(?i)\s*(revoke|pause|resume|skip)\s+(s\d+)\s*")
 _CHANGE: TypeAdapter[Change] = TypeAdapter(Change)
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 JOINED_HELP = """\
-This is the session of {station}: it is commanded there, and what you ask is answered here.
-Each of these is a line:
-  sign              countersign the plan that waits, where it takes two people
-  sign because WHY  the same, where the judge objects
-  show              say the plan that waits once more
-  stop              ask {station} to stop everybody; that needs no signature
-  status            time, gates, stop, the active mission, what waits
+This session is commanded at {station}; your questions are answered here.
+These lines are commands:
+  sign              countersign the waiting plan, if it needs two people
+  sign because WHY  countersign it although the judge objects
+  show              show the waiting plan again
+  stop              ask {station} to stop every asset; needs no signature
+  status            show time, gates, stop, active mission and queue
   assets, alarms, queue, trace, standing
-  why?              why this plan; why Drone_T04? why not the robot? what else could you do?
-  take command      put this station in command, after a question; a commander may
-  help, quit        quit, or Ctrl-C, leaves; the session goes on"""
+  why?              ask about the plan: why Drone_T04? why not the robot? what else could you do?
+  take command      put this station in command, after a question; for commanders
+  help, quit        leave with quit or Ctrl-C; the session continues"""
 _SIGN = re.compile(r"(?is)\s*(sign|countersign|approve)\b(.*)")
 _TAKE = re.compile(r"(?i)\s*take\s+(command|over)\s*[.!]*\s*")
 
@@ -87,10 +87,10 @@ class LineConsole(SessionLines):
     # Events
 
     def _begin(self) -> None:
-        self._say("Type a mission in plain words, and Enter. help says what else there is.")
+        self._say("Type a mission in plain words, then press Enter. For all commands, type help.")
 
     def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
-        return (*super()._work(lines), self._tell_waiting())
+        return (*super()._work(lines), self._show_waiting())
 
     def _heed(self, event: ev.Event) -> None:
         self._observe(event)
@@ -120,17 +120,17 @@ class LineConsole(SessionLines):
     def _show_request(self, request: ev.ApprovalRequested) -> None:
         self.show(request, "you", f"Your answer: {HOW}")
 
-    async def _tell_waiting(self) -> None:
+    async def _show_waiting(self) -> None:
         """Show the present wait from time to time."""
         while True:
-            await asyncio.sleep(TOLD_EVERY_S)
+            await asyncio.sleep(WAITING_EVERY_S)
             if line := self.waiting.line(monotonic(), self.state, self._station.rate):
                 self._say(line)
 
     # Typed lines
 
     async def _no_more_lines(self) -> None:
-        self._say("no more lines can come: the session ends when nothing is under way")
+        self._say("end of input: the session ends when the active missions have finished")
         self._input_ended = True
         await asyncio.gather(*self._answering)
         if self.request is not None:
@@ -139,7 +139,7 @@ class LineConsole(SessionLines):
         await self._station.close("the input has ended")
 
     def _reject_unanswered(self, request: ev.ApprovalRequested) -> None:
-        decision = request.decided("reject", reason="nobody answers any more")
+        decision = request.decided("reject", reason="the input has ended")
         self._answer(TypedAnswer(decision))
 
     def _stop(self) -> None:
@@ -155,7 +155,7 @@ class LineConsole(SessionLines):
         elif word == "first":
             self._station.let_next_go_first()
         elif word == "release":
-            self._confirm("Release the stop: missions are taken again. Type yes", self._release)
+            self._confirm("Release the stop and accept missions again? Type yes", self._release)
         elif word == "seen":
             self._seen()
         elif word in ("quit", "exit"):
@@ -169,10 +169,10 @@ class LineConsole(SessionLines):
             return False
         return True
 
-    async def _tell_answer(self, question: Question) -> None:
-        await super()._tell_answer(question)
+    async def _show_answer(self, question: Question) -> None:
+        await super()._show_answer(question)
         if self.request is not None:
-            self._say(f"The plan still waits: {HOW}")
+            self._say(f"The plan is still waiting: {HOW}")
 
     def _answer_or_order(self, line: str) -> None:
         """Process a line as an answer to the waiting plan, or as a mission."""
@@ -182,19 +182,19 @@ class LineConsole(SessionLines):
             return
         if request is None:
             if is_answer(line):
-                self._say("no plan waits for an answer; to give this as a mission: mission TEXT")
+                self._say("no plan is waiting; to give this as a mission, type mission TEXT")
             else:
                 self._submit(line)
             return
         if reason := reason_of(line):
             self._reason = reason
-            self._say("the reason is noted; now approve or reject")
+            self._say("reason noted; now approve or reject")
             return
         answer = read_answer(line, request, self._reason)
         if answer is None:
-            self._say(f"A plan waits: {HOW}. To give another mission now: mission TEXT")
+            self._say(f"A plan is waiting: {HOW}. To give another mission, type mission TEXT")
         elif answer.decision is not None and self._too_early:
-            self._say("the plan had just been shown: read it, and answer again")
+            self._say("the plan has only just appeared; read it, then answer again")
         else:
             self._answer(answer)
 
@@ -222,7 +222,7 @@ class LineConsole(SessionLines):
         for name in unseen:
             self._station.acknowledge(name)
         if not unseen:
-            self._say("every alarm has been seen")
+            self._say("all alarms are acknowledged")
 
     def _speed(self, text: str) -> None:
         with suppress(ValueError):
@@ -231,13 +231,13 @@ class LineConsole(SessionLines):
                 self._station.rate = rate
                 self._say(f"speed {rate:g}")
                 return
-        self._say("speed takes a number from 1 to 8")
+        self._say("give a speed from 1 to 8")
 
     def _quit(self) -> None:
         if self.state.active is None:
             self._close()
             return
-        question = f"Mission {self.state.active} is active; leaving cancels it. Type yes to leave"
+        question = f"Mission {self.state.active} is active. Cancel it and leave? Type yes"
         self._confirm(question, self._close)
 
     def _close(self) -> None:
@@ -275,7 +275,7 @@ class JoinedConsole(SessionLines):
         for event in self._station.take_before():
             self.fold(event)
         self._say(f"Joined the session of {self._station.station}. {self._why}")
-        self._say("help says what can be done here.")
+        self._say("For all commands, type help.")
         self.look("status")
         if (request := self.request) is not None:
             self._ask(request)
@@ -285,10 +285,10 @@ class JoinedConsole(SessionLines):
         """The reason why this console is read-only, and the actions that are possible here."""
         station = self._station
         may = ["countersign"] if station.signer else []
-        may += ["stop everybody"]
+        may += ["stop all assets"]
         may += ["take command"] if self._command_question is not None else []
         return (
-            f"Read-only: the session is commanded at {station.station}; here you may "
+            f"This console is read-only, because {station.station} is in command. You may "
             f"{' or '.join(may)}."
         )
 
@@ -308,32 +308,32 @@ class JoinedConsole(SessionLines):
             self._await_answer()
 
     def _show(self, request: ev.ApprovalRequested) -> None:
-        how = self._refusal(request) or "to countersign it: sign; to read it again: show"
+        how = self._refusal(request) or "type sign to countersign it, or show to read it again"
         self.show(request, self._station.station, how[:1].upper() + how[1:])
 
     def _refusal(self, request: ev.ApprovalRequested) -> str:
         """Return why the request cannot be signed here; '' if it can."""
         station = self._station
         if not request.approvals:
-            return f"one person is enough: {station.station} decides"
+            return f"no countersignature is needed; {station.station} decides"
         if request.blocked_by:
-            return f"nobody may approve it: {station.station} rejects or changes it"
+            return f"the plan cannot be approved; {station.station} rejects or changes it"
         if not station.signer:
-            return "it takes two people; you may not sign, you have not the role"
+            return "the plan needs two people, but your role may not sign"
         made = self.state.current.decisions if self.state.current is not None else []
         now = [each.decision for each in made if each.attempt == request.attempt]
         if any(station.signer in decision.signatures for decision in now):
-            return f"you have signed; {station.station} decides"
+            return f"you have signed the plan; {station.station} decides"
         return ""
 
     # Typed lines
 
     async def _no_more_lines(self) -> None:
-        self._say("no more lines can come: the session is followed until it ends, or until Ctrl-C")
+        self._say("end of input: the session is shown until it ends or you press Ctrl-C")
 
     def _stop(self) -> None:
         self._station.stop_all()
-        self._say(f"{self._station.station} was asked to stop everybody")
+        self._say(f"asked {self._station.station} to stop all assets")
 
     def _command(self, line: str) -> bool:
         word = line.casefold()
@@ -352,14 +352,14 @@ class JoinedConsole(SessionLines):
         request = self.request
         signs = _SIGN.fullmatch(line)
         if signs is None and line.casefold() != "show" and not reason_of(line):
-            self._say(f"{self._why} help says what can be done here.")
+            self._say(f"{self._why} For all commands, type help.")
         elif request is None:
-            self._say("no plan waits")
+            self._say("no plan is waiting")
         elif line.casefold() == "show":
             self._show(request)
         elif reason := reason_of(line):
             self._reason = reason
-            self._say("the reason is noted; now sign")
+            self._say("reason noted; now sign")
         elif signs is not None:
             self._countersign(request, signs[2])
 
@@ -367,7 +367,7 @@ class JoinedConsole(SessionLines):
         if refusal := self._refusal(request):
             self._say(refusal)
         elif self._too_early:
-            self._say("the plan had just been shown: read it, and answer again")
+            self._say("the plan has only just appeared; read it, then answer again")
         elif (answer := read_answer(f"approve {rest}", request, self._reason)) is not None:
             decision = answer.decision
             if decision is None:
@@ -385,8 +385,8 @@ class JoinedConsole(SessionLines):
 
     def _take_command(self) -> None:
         if self._command_question is None:
-            raise ValueError("only a commander takes command, and you are none")
-        self._confirm(f"{self._command_question()}\nType yes to take command", self._go)
+            raise ValueError("only a commander may take command")
+        self._confirm(f"{self._command_question()}\nTo take command, type yes", self._go)
 
     def _go(self) -> None:
         self.takes_command = True

@@ -63,7 +63,7 @@ _STEPS: dict[str, str] = {
     "mission_finished": "finished",
 }
 """The steps that are shown, with their names."""
-HOW_TO_ASK = "Why?  Why not ASSET?  What would you do instead? are answered here, too"
+HOW_TO_ASK = "You may also ask: Why?  Why not ASSET?  What would you do instead?"
 
 
 def step_line(event: ev.Event) -> str:
@@ -81,8 +81,8 @@ def step_line(event: ev.Event) -> str:
     name = _STEPS.get(event.data.kind)
     if name is None or event.mission is None:
         return ""
-    said = event_in_words(event.data)
-    return f"{event.mission}  {name}: {said}" if said else f"{event.mission}  {name}"
+    words = event_in_words(event.data)
+    return f"{event.mission}  {name}: {words}" if words else f"{event.mission}  {name}"
 
 
 COLOURS: dict[Tone, str] = {
@@ -109,7 +109,7 @@ def print_trace(console: Console, trace: MissionTrace) -> None:
 def print_choices(console: Console, trace: MissionTrace) -> None:
     """Print the question with which a mission ended, and how to answer it."""
     choices = trace.asked_choices
-    console.print(Text(trace.questions[-1].question if choices else "The order may also mean:"))
+    console.print(Text(trace.questions[-1].question if choices else "The order could also mean:"))
     for number, choice in enumerate(choices or map(plain_reading, trace.offered), start=1):
         console.print(Text(f"  --choose {number}  {choice}"))
 
@@ -120,9 +120,9 @@ def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
     _print_sections(console, lay_out_proposal(trace, number, {}, _OPTIONS))
 
 
-def print_answer(console: Console, told: QuestionAnswered) -> None:
+def print_answer(console: Console, answer: QuestionAnswered) -> None:
     """Print the answer to a question about no mission, or about one printed before."""
-    _print_sections(console, answered((told,)))
+    _print_sections(console, answered((answer,)))
 
 
 def _print_head(console: Console, trace: MissionTrace) -> None:
@@ -203,8 +203,8 @@ def show_request(request: ApprovalRequested, trace: MissionTrace | None) -> None
     if trace is not None:
         print_proposal(errors, trace, request.attempt)
     if request.state in ("narrowed", "may_be_misunderstood"):
-        told = status_of("approval", request.state)
-        errors.print(told.text, style="bold yellow")
+        status = status_of("approval", request.state)
+        errors.print(status.text, style="bold yellow")
     for reason in request.blocked_by:
         errors.print(f"blocked: {reason}", style="bold red")
 
@@ -233,11 +233,11 @@ def _asked(
     if request.blocked_by and not request.readings:
         return Decision(kind="reject", reason="; ".join(request.blocked_by))
     if request.approvals:
-        told = f"{people_words(request.approvals)} to approve, and here is one"
-        errors.print(told, style="bold red")
-        return Decision(kind="reject", reason=told)
+        reason = f"{people_words(request.approvals)} to approve, and only one is here"
+        errors.print(reason, style="bold red")
+        return Decision(kind="reject", reason=reason)
     if request.acknowledge:
-        errors.print(f"broken, to be acknowledged: {', '.join(request.acknowledge)}")
+        errors.print(f"broken rules that you must accept: {', '.join(request.acknowledge)}")
     reason = ""
     _begin_asking()
     try:
@@ -249,10 +249,10 @@ def _asked(
             if not _YesOrNo("Approve?", question_in)(default=False):
                 return Decision(kind="reject", reason="rejected at the terminal")
             while request.needs_override and not reason:
-                why = "The judge said Failure. Reason for overriding it"
-                reason = _WordsPrompt(why, question_in)().strip()
+                prompt = "The judge objects. Reason to override it"
+                reason = _WordsPrompt(prompt, question_in)().strip()
     except EOFError:
-        return Decision(kind="reject", reason="nobody answered at the terminal")
+        return Decision(kind="reject", reason="no answer at the terminal")
     return request.approved(reason)
 
 
@@ -263,7 +263,8 @@ def _answered(
     choices, answer = _choices(trace), ""
     if sys.stdin.isatty():
         _begin_asking()
-        hint = "A number, or in words; Enter for none" if choices else "In words; Enter for none"
+        hint = "Type a number or your words" if choices else "Type your words"
+        hint += ", or press Enter to reject"
         with _interruptible(), suppress(EOFError):
             answer = _WordsPrompt(hint, question_in, show_default=False)(default="").strip()
     if answer.isdigit() and 0 < int(answer) <= len(choices):
@@ -281,11 +282,11 @@ def _choices(trace: MissionTrace | None) -> Sequence[str]:
 def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
     """Ask which reading of the order was meant; '' is the one that the plan serves."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
-    errors.print(f"{own}the order may also mean:")
+    errors.print(f"{own}the order could also mean:")
     numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
     for number, asked in zip(numbers, request.readings, strict=True):
         errors.print(f"  {number}  {plain_reading(asked)}")
-    question = "Was one of these meant? 0: no"
+    question = "Did you mean one of these? 0 for no"
     chosen = _WordsPrompt(question, question_in, choices=["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
 

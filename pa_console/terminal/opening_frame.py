@@ -62,7 +62,7 @@ def keep_frame(file: Path, lines: Sequence[str]) -> None:
         make_private_folder(file.parent)
         if not file.exists() or file.read_bytes() != content:
             replace_private(file, content)
-        newest = sorted(file.parent.glob("*.ansi"), key=lambda one: one.stat().st_mtime)
+        newest = sorted(file.parent.glob("*.ansi"), key=lambda frame: frame.stat().st_mtime)
         for old in newest[:-KEPT]:
             old.unlink(missing_ok=True)
 
@@ -130,7 +130,7 @@ class OpeningFrame:
         termios.tcsetattr(terminal, termios.TCSANOW, _raw(self._modes))
         sys.stderr.write(f"{ENTER_SCREEN}\x1b[?25l\x1b[?7l{rows}\x1b[0m\x1b[?7h")
         sys.stderr.flush()
-        covered = [_UncoveringStream(each, self.uncover) for each in (sys.stdout, sys.stderr)]
+        covered = [_UncoveringStream(stream, self.uncover) for stream in (sys.stdout, sys.stderr)]
         self._covered = cast(list[IO[str]], covered)
         self._heeding.enter_context(redirect_stdout(self._covered[0]))
         self._heeding.enter_context(redirect_stderr(self._covered[1]))
@@ -155,17 +155,17 @@ class OpeningFrame:
         return self._modes
 
     @contextmanager
-    def telling(self, what: str) -> Generator[None]:
+    def telling(self, step: str) -> Generator[None]:
         """Show the present step in a temporary line, unless a frame is shown."""
         seen = not self.shown and sys.stderr.isatty()
         if seen:
-            sys.stderr.write(what)
+            sys.stderr.write(step)
             sys.stderr.flush()
         try:
             yield
         finally:
             if seen:
-                sys.stderr.write(f"\r{' ' * len(what)}\r")
+                sys.stderr.write(f"\r{' ' * len(step)}\r")
                 sys.stderr.flush()
 
 

@@ -80,7 +80,7 @@ def require_keys(instead: str) -> None:
     Textual's other drivers, such as that of a browser, deliver keys without a terminal.
     """
     if DRIVER not in os.environ and not sys.stdin.isatty():
-        raise ValueError(f"standard input is no terminal, no key would arrive; {instead}")
+        raise ValueError(f"standard input is not a terminal, so keys cannot be read; {instead}")
 
 
 def _open_on_nothing(number: int, mode: str) -> IO[Any]:

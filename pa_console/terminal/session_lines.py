@@ -37,18 +37,18 @@ def status_lines(state: SessionState) -> list[str]:
         )
         lines += links_in_words(picture)
         driven = [f"{a.id} ({_by_hand(a, state)})" for a in picture.assets.values() if a.manual]
-        lines += [f"MANUAL, nothing is sent to: {', '.join(driven)}"] if driven else []
+        lines += [f"MANUAL; nothing is sent to: {', '.join(driven)}"] if driven else []
     if state.stop is not None:
         held, open_ = state.stop.held, state.stop.unconfirmed
         named = [
             f"{name} ({why})" if (why := state.stop.overdue.get(name)) else name for name in open_
         ]
         waits = f"; not confirmed by {', '.join(named)}" if named else ""
-        lines.append(f"STOPPED: {held} assets hold{waits}; release ends the stop")
+        lines.append(f"STOPPED: {count(held, 'asset')} held{waits}; release ends the stop")
     if state.log_problem:
-        lines.append(f"the log cannot be written, nothing is dispatched: {state.log_problem}")
+        lines.append(f"the log cannot be written; nothing is dispatched: {state.log_problem}")
     if state.relieved:
-        lines.append(f"NOT IN COMMAND, nothing is sent: {state.relieved}")
+        lines.append(f"NOT IN COMMAND; nothing is sent: {state.relieved}")
     if state.worker is not None:
         lines.append(f"model {state.worker.state} {state.worker.detail}".strip())
     for server in state.servers.values():
@@ -63,20 +63,21 @@ def status_lines(state: SessionState) -> list[str]:
         how = "".join(span.text for span in progress(trace))
         lines.append(f"mission {trace.mission.id}: {trace.mission.said}")
         lines.append(f"  {how}")
-    lines.append(f"{len(state.queue)} missions wait, {len(state.alarms)} alarms are open")
+    waiting, alarms = count(len(state.queue), "mission"), count(len(state.alarms), "alarm")
+    lines.append(f"{waiting} waiting, {alarms} open")
     return lines
 
 
 def asset_lines(state: SessionState) -> list[str]:
     """Return a line for each asset: its place, its task, and its condition."""
     if state.picture is None:
-        return ["nothing was reported yet"]
+        return ["no telemetry yet"]
     return [
         f"{asset.id}: {asset.task} {f'at {asset.at}' if asset.at else f'to {asset.post}'}, "
         f"{asset.status}, battery {asset.charge}, link {asset.comms}"
         f"{f' {over}' if (over := link_in_words(asset.id, state.picture.links)) else ''}"
         f"{f', not ready: {why}' if (why := state.picture.not_ready.get(asset.id)) else ''}"
-        f"{', report is old' if asset.stale else ''}"
+        f"{', telemetry is stale' if asset.stale else ''}"
         f"{f', MANUAL, {_by_hand(asset, state)}' if asset.manual else ''}"
         for asset in state.picture.assets.values()
     ]
@@ -93,14 +94,14 @@ def alarm_lines(state: SessionState) -> list[str]:
     return [
         f"{item.alarm.priority}: {item.alarm.text}{', seen' if item.acknowledged else ''}"
         for item in state.alarms
-    ] or ["no alarm is open"]
+    ] or ["no open alarms"]
 
 
 def queue_lines(state: SessionState) -> list[str]:
     """Return a line for each mission that waits, the next first."""
     return [
         f"{entry.mission.id}: {entry.mission.said} ({entry.reason})" for entry in state.queue
-    ] or ["no mission waits"]
+    ] or ["no waiting missions"]
 
 
 def standing_lines(state: SessionState) -> list[str]:
@@ -116,7 +117,7 @@ def standing_lines(state: SessionState) -> list[str]:
         waits += ", paused" if trace.paused and trace.order.condition else ""
         lines.append(standing_in_words(trace.order))
         lines.append(f"  {waits}; {count(trace.started, 'start')}{last}")
-    return lines or ["no standing order is in force"]
+    return lines or ["no standing orders in force"]
 
 
 _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
@@ -211,7 +212,7 @@ class SessionLines(ABC):
         """Show an event, respond to it, and then show its lines in the event list."""
         self.take(event)
         self._heed(event)
-        self.tell_notice(event)
+        self.show_notice(event)
 
     def _await_answer(self) -> None:
         """Call the operator to the plan that has just been shown."""
@@ -242,7 +243,7 @@ class SessionLines(ABC):
             elif confirming is not None and word == "yes":
                 confirming()
             elif confirming is not None and word == "no":
-                self._say("left as it is")
+                self._say("nothing was changed")
             elif not self.look(word) and not self._command(line) and not self._asks(line):
                 self._answer_or_order(line)
         except ValueError as error:
@@ -260,15 +261,15 @@ class SessionLines(ABC):
         question = self._conversing.question_in(line)
         if question is None:
             return False
-        task = asyncio.create_task(self._tell_answer(question))
+        task = asyncio.create_task(self._show_answer(question))
         self._answering.add(task)
         task.add_done_callback(self._answering.discard)
         return True
 
-    async def _tell_answer(self, question: Question) -> None:
+    async def _show_answer(self, question: Question) -> None:
         """Show the answer line by line; a waiting plan continues to wait."""
-        told = await self._conversing.answer(question)
-        for line in told.lines:
+        answer = await self._conversing.answer(question)
+        for line in answer.lines:
             self._say(f"{line.about}: {line.said}")
 
     # Output
@@ -291,18 +292,18 @@ class SessionLines(ABC):
             case ev.CommandSent(command=command) if event.mission is None:
                 self._say(f"{command.agent}: {order_in_words(command)}")
             case ev.DecisionMade(accepted=False, detail=detail):
-                self._say(f"not taken: {detail}")
+                self._say(f"decision not accepted: {detail}")
             case ev.MissionReported(text=text):
                 self._say(text.strip())
             case ev.CameraStill(track=track, camera=camera, sha256=str(sha256)):
                 if track not in pictured:
-                    self._say(f"{camera} sees {track}: {sha256[:12]}… beside the session's log")
+                    self._say(f"{camera} sees {track}: picture {sha256[:12]}… beside the log")
             case ev.SessionEnded(reason=reason):
                 self._say(f"the session has ended: {reason}")
             case _:
                 pass
 
-    def tell_notice(self, event: ev.Event) -> None:
+    def show_notice(self, event: ev.Event) -> None:
         """Show the new lines of the event list after `event`, unless a step has shown them."""
         last = self._newest_notice()
         if last is None or last is self._last_notice:
@@ -319,13 +320,13 @@ class SessionLines(ABC):
         trace = self.state.current
         if trace is not None:
             self._output.show_plan(trace, request.attempt)
-        told = status_of("approval", request.state or "none")
-        what = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
-        self._say(f"{what} waits for {waits}. {told.word}.")
+        status = status_of("approval", request.state or "none")
+        subject = "A plan" if request.standing is None else f"Standing order {request.standing.id}"
+        self._say(f"{subject} waits for {waits}. {status.word}.")
         for reason in request.blocked_by:
             self._say(f"blocked: {reason}")
         if request.acknowledge:
-            self._say(f"broken, to be accepted by you: {', '.join(request.acknowledge)}")
+            self._say(f"broken rules that you must accept: {', '.join(request.acknowledge)}")
         for number, asked in enumerate(request.readings, start=1):
             self._say(f"reading {number}: {plain_reading(asked)}")
         self._say(how)
@@ -333,8 +334,8 @@ class SessionLines(ABC):
     def look(self, word: str) -> bool:
         """Show the part of the state that `word` names; return whether it names one."""
         if word in _TABLES:
-            for told in _TABLES[word](self.state):
-                self._say(told)
+            for line in _TABLES[word](self.state):
+                self._say(line)
         elif word == "trace" and self.state.current is not None:
             self._output.show_trace(self.state.current)
         else:

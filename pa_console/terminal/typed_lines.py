@@ -17,7 +17,7 @@ from pa_console.schema.plan import Plan
 
 LONGEST = 20_000
 """The most bytes of a line; longer lines are cut."""
-HOW = "approve, reject, modify, show, stop; with an objection of the judge: approve because REASON"
+HOW = "approve, reject, modify, show or stop; if the judge objects: approve because REASON"
 _WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
 _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 
@@ -97,10 +97,10 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
 
     `reason` is the reason that was typed before, in its own line.
     """
-    found = _WORDS.fullmatch(line)
-    if found is None or not is_answer(line):
+    typed = _WORDS.fullmatch(line)
+    if typed is None or not is_answer(line):
         return None
-    word, rest = found[1].casefold(), found[2].strip()
+    word, rest = typed[1].casefold(), typed[2].strip()
     match word:
         case "approve":
             why = re.sub(r"(?i)^because\b[\s:,]*", "", rest) or reason
@@ -115,24 +115,24 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
         case "show":
             return TypedAnswer(show=True)
         case _:
-            return TypedAnswer(problem="type the reason too: reason TEXT")
+            return TypedAnswer(problem="give the reason in the same line: reason TEXT")
 
 
 def is_answer(line: str) -> bool:
     """Return whether `line` would be the answer to a plan if one waited."""
-    found = _WORDS.fullmatch(line)
-    return found is not None and (found[1].casefold() != "show" or not found[2].strip())
+    typed = _WORDS.fullmatch(line)
+    return typed is not None and (typed[1].casefold() != "show" or not typed[2].strip())
 
 
 def reason_of(line: str) -> str:
     """Return the reason that `line` gives by itself; '' if it gives none."""
-    found = _WORDS.fullmatch(line)
-    return found[2].strip() if found is not None and found[1].casefold() == "reason" else ""
+    typed = _WORDS.fullmatch(line)
+    return typed[2].strip() if typed is not None and typed[1].casefold() == "reason" else ""
 
 
 def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:
     if request.blocked_by:
-        return TypedAnswer(problem=f"it cannot be approved: {'; '.join(request.blocked_by)}")
+        return TypedAnswer(problem=f"the plan cannot be approved: {'; '.join(request.blocked_by)}")
     if request.needs_override and not reason:
         return TypedAnswer(problem="the judge objects: type approve because REASON, or reject")
     doubts = [f"it breaks {', '.join(request.acknowledge)}"] if request.acknowledge else []
@@ -142,14 +142,14 @@ def _approve(request: ApprovalRequested, reason: str) -> TypedAnswer:
         doubts.append("it does less than was asked")
     if request.state == "may_be_misunderstood":
         doubts.append("the order may have been misread")
-    confirm = f"{' and '.join(doubts)}. Approve it all the same? Type yes" if doubts else ""
+    confirm = f"{' and '.join(doubts)}. Approve it anyway? Type yes" if doubts else ""
     return TypedAnswer(request.approved(reason), confirm[:1].upper() + confirm[1:])
 
 
 def _choose(request: ApprovalRequested, number: str) -> TypedAnswer:
     if not number.isdecimal() or not 0 < int(number) <= len(request.readings):
-        known = f"1 to {len(request.readings)}" if request.readings else "none"
-        return TypedAnswer(problem=f"there is no reading {number!r}; there are: {known}")
+        offered = f"choose 1 to {len(request.readings)}" if request.readings else "none is offered"
+        return TypedAnswer(problem=f"there is no reading {number!r}; {offered}")
     asked = request.readings[int(number) - 1]
     return TypedAnswer(request.decided("choose", asked=asked))
 
@@ -158,7 +158,7 @@ def _modify(request: ApprovalRequested, text: str, reason: str) -> TypedAnswer:
     if not text:
         now = "; ".join(f"{action.agent} {action.command}" for action in request.plan.actions)
         example = now or "ASSET hold"
-        return TypedAnswer(problem=f"type the whole plan anew, for example: modify {example}")
+        return TypedAnswer(problem=f"type the whole new plan, for example: modify {example}")
     actions: list[dict[str, str]] = []
     for part in filter(None, (part.strip() for part in text.split(";"))):
         agent, _, command = part.partition(" ")

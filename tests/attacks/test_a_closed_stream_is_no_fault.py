@@ -27,7 +27,7 @@ def test_a_mission_that_nobody_can_approve_is_rejected(call: Call, tmp_path: Pat
     log = tmp_path / "session.jsonl"
     done = call("mission", "Fill the gap.", "--log", str(log))
     assert done.code == 3
-    assert "nobody answered at the terminal" in done.said
+    assert "no answer at the terminal" in done.said
     assert '"command_sent"' not in log.read_text()
 
 
@@ -38,7 +38,7 @@ def test_the_console_says_that_no_key_would_arrive(
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     done = call("console")
     assert done.code == 2
-    assert "standard input is no terminal" in done.err
+    assert "standard input is not a terminal" in done.err
     assert not (tmp_path / "logs").exists(), "a session that nobody can command is not begun"
 
 
@@ -64,7 +64,7 @@ def test_a_replay_on_a_terminal_without_keys_says_so(tmp_path: Path) -> None:
     finally:
         os.close(ours)
     assert replay.wait() == 2
-    assert b"standard input is no terminal" in said
+    assert b"standard input is not a terminal" in said
     assert b"Traceback" not in said
     assert b"Error" not in said
 

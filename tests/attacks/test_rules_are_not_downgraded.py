@@ -178,7 +178,7 @@ def test_an_evaluation_with_rules_of_its_own_says_so_and_pins_nothing(
     lax = tmp_path / "lax.yaml"
     lax.write_text(LAX)
     done = call("eval", "--rules", str(lax), "--only", "no such mission", "--out", str(tmp_path))
-    assert "this evaluation has rules of its own, which no mission would take" in done.said
+    assert "warning: a session would refuse the rules of this evaluation" in done.said
     assert pins.read() == before
 
 

@@ -110,14 +110,14 @@ def test_doctor_says_what_was_compared_with_what(
         return known
 
     monkeypatch.setattr("pa_console.cli.verbs.doctor.models.Catalog.load", installed)
-    assert "made at the first start" in next(check_model(NAME)).found
+    assert "prepared at the first start" in next(check_model(NAME)).found
     whole = known.locate(NAME)
     if pinned:
         known = catalog(source, prepared={"q8_0": whole.sha256})
     good = next(check_model(NAME))
     assert good.state == "ok"
     assert str(whole.path) in good.found
-    with_what = "as the catalogue pins it for q8_0" if pinned else "this machine's key signed"
+    with_what = "the catalogue for q8_0" if pinned else "signed with this machine's key"
     assert with_what in good.found
     flip(whole.path)
     whole.path.with_suffix(".json").write_text(json.dumps(rewritten(whole.path, tmp_path)))

@@ -101,7 +101,7 @@ def test_what_was_meant_can_be_said_before_the_plan_is_decided_on(
     decision = decided(monkeypatch, typed, confidence=0.3, readings=READINGS)
     assert (decision.kind, decision.asked) == (kind, asked)
     said = " ".join(capsys.readouterr().err.split())
-    assert "read as: see to the unknown vehicle at NorthGate; the order may also mean:" in said
+    assert "read as: see to the unknown vehicle at NorthGate; the order could also mean:" in said
     assert "1 send 2 drones to EastGate" in said
 
 
@@ -138,10 +138,10 @@ def test_a_question_is_answered_where_the_order_is_asked_back_about(
     start: Start,
 ) -> None:
     mission = start("mission", "Send a drone to the gate with two guards.", terminal=True)
-    mission.until_shown("A number, or in words")
+    mission.until_shown("Type a number or your words")
     mission.type("Why?\n")
     mission.until_shown("You asked: Why?")
-    mission.until_shown_times("A number, or in words", 2)
+    mission.until_shown_times("Type a number or your words", 2)
     mission.type("\n")
     assert mission.process.wait(WITHIN_S) == 3
     assert "command_sent" not in mission.kinds
@@ -167,6 +167,6 @@ def test_an_order_that_is_asked_back_ends_with_its_choices_and_one_can_be_chosen
     assert "--choose 2  WestGate" in asked.out
     beyond = given("--choose", "3")
     assert beyond.code == 5
-    assert "there are only 2 choices" in beyond.out
+    assert "the console offered only 2 choices" in beyond.out
     chosen = given("--choose", "2", "--json").json
     assert chosen["mission"]["decisions"][0]["decision"]["asked"] == "WestGate"

@@ -196,7 +196,7 @@ def test_folders_memory_and_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyP
     memory.write_text("MemTotal: 9 kB\nMemAvailable: 1000000 kB\n")
     assert check_memory(600, memory).state == "warning"
     assert "1024 MB free" in check_memory(600, memory).found
-    assert "cannot be told" in check_memory(500, tmp_path / "none").found
+    assert "is unknown on this system" in check_memory(500, tmp_path / "none").found
     assert [check_size(*size).state for size in ((80, 24), (79, 24), (59, 17))] == [
         "ok", "warning", "missing",
     ]  # fmt: skip

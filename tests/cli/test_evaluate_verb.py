@@ -68,7 +68,7 @@ def test_runs_are_scored_kept_resumed_and_reported(
     assert (record["run"], record["strict"]) == (f"{name}/full/own/A2/0", True)
     second = call(*asked)
     assert second.code == 0, second.err
-    assert "there already: 1 of 2 runs" in second.said
+    assert "already done: 1 of 2 runs" in second.said
     assert "Success by mission set" in second.said
     runs = read_runs(out)
     assert [r.mission for r in runs] == ["A2", "A1"]

@@ -124,10 +124,10 @@ class Typist:
 async def test_it_says_why_it_is_read_only_and_leaves_at_ctrl_c() -> None:
     one = Typist(North(waiting(1)))
     refused = await one.type("Send a drone to the east gate.")
-    assert "Read-only: the session is commanded at north" in refused
+    assert "This console is read-only, because north is in command" in refused
     assert "sign" in await one.type("help")
-    assert "one person is enough: north decides" in await one.type("sign")
-    assert "only a commander takes command" in await one.type("take command")
+    assert "no countersignature is needed; north decides" in await one.type("sign")
+    assert "only a commander may take command" in await one.type("take command")
     assert "TRACE" in await one.type("trace")
     assert "time" in await one.type("status")
     await one.leave()
@@ -153,9 +153,9 @@ async def test_what_takes_two_people_is_signed_once_and_stop_needs_no_signature(
     north.coming.put_nowait(event(made).model_copy(update={"mission": waits.mission.id}))
     while "signed by bob" not in one.said:
         await asyncio.sleep(0)
-    assert f"not taken: {detail}" in one.said
-    assert "you have signed; north decides" in await one.type("sign")
-    assert "was asked to stop everybody" in await one.type("Stop all!")
+    assert f"decision not accepted: {detail}" in one.said
+    assert "you have signed the plan; north decides" in await one.type("sign")
+    assert "asked north to stop all assets" in await one.type("Stop all!")
     assert (north.stops, len(north.decisions)) == (1, 1)
     await one.leave()
 
@@ -174,7 +174,7 @@ async def test_a_question_is_answered_here_while_the_plan_waits_there() -> None:
 async def test_an_observer_signs_nothing_and_may_stop() -> None:
     north = North(waiting(2), signer="")
     one = Typist(north)
-    assert "you may not sign" in await one.type("sign")
+    assert "your role may not sign" in await one.type("sign")
     await one.type("stop")
     assert (north.decisions, north.stops) == ([], 1)
     await one.leave()
@@ -185,7 +185,7 @@ async def test_command_is_taken_after_a_yes_to_what_it_does(answer: str, takes: 
     one = Typist(North(waiting(1)), lambda: "Put south in command in place of north?")
     told = await one.type("take command")
     assert "in place of north?" in told
-    assert "Type yes to take command" in told
+    assert "To take command, type yes" in told
     await one.type(answer)
     assert one.console.takes_command == takes
     await one.leave()
@@ -203,6 +203,6 @@ async def test_what_hinders_a_takeover_is_said() -> None:
 
 def test_its_options_and_its_missing_keys_are_told_as_for_a_screen(call: Call) -> None:
     wrong = call("console", "--join", "mqtt://localhost/x", "--plain", "--readonly")
-    assert (wrong.code, "--join goes with" in wrong.err) == (2, True)
+    assert (wrong.code, "--join can be combined only with" in wrong.err) == (2, True)
     missing = call("console", "--join", "mqtt://localhost/x", "--plain")
-    assert (missing.code, "joining takes the keys of the site" in missing.said) == (2, True)
+    assert (missing.code, "--join needs keys of the site" in missing.said) == (2, True)

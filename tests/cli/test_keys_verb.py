@@ -67,7 +67,7 @@ def test_one_more_person_is_enrolled_and_gets_another_role(call: Call) -> None:
     assert listed(call)["bob"][0] == "observer"
     other = call("keys", "enrol", "person", "bob", "a" * 64)
     assert (other.code, "has another key" in other.err) == (2, True)
-    assert "no public key" in call("keys", "enrol", "station", "south", "abc").said
+    assert "is not a public key" in call("keys", "enrol", "station", "south", "abc").said
     assert "give the public key" in call("keys", "enrol", "station", "south").said
     assert "no name for a key" in call("keys", "make", "../bob").said
 
@@ -170,7 +170,7 @@ def test_a_person_signs_what_was_asked_for_on_a_machine_without_its_session(
     approval, _ = KeyFolder().trust().approval("ann", done.json["signed"], time.time())
     assert (done.json["person"], approval["orders"]) == ("ann", ["Ugv_T01 block EastGate"])
     unasked = call("keys", "sign", str(file))
-    assert (unasked.code, "or --yes" in unasked.err, unasked.out) == (2, True, "")
+    assert (unasked.code, "or use --yes" in unasked.err, unasked.out) == (2, True, "")
 
 
 @pytest.mark.usefixtures("made")
@@ -185,7 +185,7 @@ def test_nobody_is_made_to_sign_anything_but_an_approval(call: Call, tmp_path: P
         assert (done.code, said in done.said, done.out) == (2, True, "")
     (tmp_path / "none.json").write_text("[]")
     done = call("keys", "sign", str(tmp_path / "none.json"), "--yes")
-    assert (done.code, "no answer of GET /v1/plans/ID/approval" in done.said) == (2, True)
+    assert (done.code, "give the answer of GET /v1/plans/ID/approval" in done.said) == (2, True)
 
 
 @pytest.mark.usefixtures("made")
@@ -207,7 +207,7 @@ def test_rules_are_enrolled_with_what_they_ask_two_people_for(call: Call, tmp_pa
         "  - {id: ROE-20, domain: ROE, priority: high, text: Be safe.}\n"
     )
     done = call("keys", "enrol", "rules", str(path))
-    assert "people who must approve: block 2, override 2" in done.said
+    assert "required approvals: block 2, override 2" in done.said
     assert "block 2, override 2" in call("rules", "list", "--rules", str(path)).said
     assert "block 2, override 2" in call("rules", "check", str(path)).said
 

@@ -46,10 +46,10 @@ def test_a_mission_goes_through_all_steps_in_lines(start: Start, call: Call) -> 
     for told in (f"mission: {ORDER}", "rules found", "plan: Drone_T04 move_to EastGate", "judge"):
         assert told in console.shown
     console.type("move the other drone too\n")
-    console.until_shown("A plan waits: approve")
+    console.until_shown("A plan is waiting: approve")
     answered(console, "approve", "command_sent")
     console.type("status\n")
-    console.until_shown("missions wait")
+    console.until_shown("missions waiting")
     console.until_shown("finished: verified")
     assert console.kinds.count("mission_received") == 1
     console.type("quit\n")
@@ -70,7 +70,7 @@ def test_stop_is_heeded_while_a_plan_runs_and_released_after_a_yes(start: Start)
     console.type("release\n")
     console.until_shown("Type yes")
     console.type("no\n")
-    console.until_shown("left as it is")
+    console.until_shown("nothing was changed")
     assert "stop_released" not in console.kinds
     console.type("release\nyes\n")
     console.until("stop_released")
@@ -83,7 +83,7 @@ def test_ctrl_c_stops_nothing_and_says_what_would(start: Start) -> None:
     console.type(f"{ORDER}\n")
     console.until_shown("Your answer: approve")
     console.type("\x03")
-    console.until_shown("Ctrl-C stops nothing by itself")
+    console.until_shown("Ctrl-C does not stop anything")
     assert "all_stopped" not in console.kinds
     answered(console, "approve", "command_sent")
     console.type("\x03")
@@ -138,7 +138,7 @@ def test_answers_are_whole_words_and_say_what_is_missing() -> None:
     ("line", "options", "problem"),
     [
         ("approve", {"broken": ("WF-03",), "blocked": ("WF-03: no",)},
-         "it cannot be approved: WF-03: no"),
+         "the plan cannot be approved: WF-03: no"),
         ("approve", {"verdict": "Failure"}, "approve because REASON"),
         ("modify Drone_T04 hold; Drone_T01 fly away", {}, "action 2"),
     ],
@@ -192,7 +192,7 @@ def test_a_question_is_answered_in_lines_while_a_plan_waits(start: Start) -> Non
     console.until_shown("Your answer: approve")
     console.type("Why not Drone_T02?\n")
     console.until_shown("Drone_T02: it alone covers NorthGate")
-    console.until_shown("The plan still waits")
+    console.until_shown("The plan is still waiting")
     assert "command_sent" not in console.kinds
     assert console.kinds.count("mission_received") == 1
     answered(console, "reject not now", "mission_finished")

@@ -62,7 +62,7 @@ def test_an_honest_log_comes_out_equal(call: Call, folder: Path) -> None:
     done = resimulate(call, folder, log)
     assert done.code == 0, done.err
     pictures = sum('"kind":"telemetry"' in line for line in log.read_text().splitlines())
-    assert f"{pictures} pictures, all equal, and 3 rehearsals of plans" in done.said
+    assert f"{pictures} pictures and 3 rehearsals of plans are equal" in done.said
     document = resimulate(call, folder, log, "--json").json
     assert (document["pictures"], document["different"]) == (pictures, 0)
     assert (document["rehearsals"], document["different_rehearsals"]) == (3, 0)
@@ -74,7 +74,7 @@ def test_a_tampered_command_differs(call: Call, folder: Path, tmp_path: Path) ->
     log = tampered(folder, tmp_path / "forged.jsonl", "command_sent", "WestGate", "EastGate")
     done = resimulate(call, folder, log)
     assert done.code == 1
-    assert "pictures, all equal" not in done.out
+    assert "of plans are equal" not in done.out
     assert "differ, first at tick" in done.said
     shown = resimulate(call, folder, log, "--json")
     assert shown.code == 1
@@ -155,7 +155,7 @@ def test_another_world_of_the_same_name_is_not_taken_for_the_sessions(
     assert missing.code == 2
     assert "not here as it was then" in missing.err
     assert call(*words, "--world", str(world)).code == 0
-    assert "note: checkpoint is not the world" in call(*words, "--world", "checkpoint").err
+    assert "note: checkpoint differs from the world" in call(*words, "--world", "checkpoint").err
 
 
 def test_another_scenario_of_the_same_name_is_not_taken_for_the_sessions(
@@ -174,12 +174,13 @@ def test_another_scenario_of_the_same_name_is_not_taken_for_the_sessions(
     other = call(*words)
     assert other.code == 2
     assert (
-        f"'one-van' of this session is not here as it was then (SHA-256 {pinned[:12]})" in other.err
+        f"'one-van' of this session is not installed here unchanged (SHA-256 {pinned[:12]})"
+        in other.err
     )
     assert "--scenario" in other.err
     given = call(*words, "--scenario", str(own))
     assert given.code == 1
-    assert f"note: {own} is not the scenario of this session as it was then" in given.err
+    assert f"note: {own} differs from the scenario of this session" in given.err
     assert call(*words, "--scenario", str(folder / "one-van.yaml")).code == 0
 
 
@@ -197,11 +198,11 @@ def test_the_audit_runs_an_intact_log_again(call: Call, folder: Path, tmp_path: 
     whole = call("replay", str(log), "--verify", "--unsigned", "--scenario", played)
     assert whole.code == 0, whole.said
     assert "chain intact" in whole.said
-    assert "pictures, all equal" in whole.said
-    assert "plans of 1 mission decided again, all equal" in whole.said
+    assert "of plans are equal" in whole.said
+    assert "plans of 1 mission checked again, all equal" in whole.said
     nowhere = call("replay", str(log), "--verify", "--unsigned")
     assert nowhere.code == 1
-    assert "not run again: " in nowhere.said
+    assert "not simulated again: " in nowhere.said
     assert "--scenario" in nowhere.said
     only = call("replay", str(log), "--verify", "--unsigned", "--chain-only")
     assert only.code == 0
@@ -211,5 +212,5 @@ def test_a_decision_of_other_rules_is_found(call: Call, folder: Path, tmp_path: 
     log = tampered(folder, tmp_path / "f.jsonl", "plan_checked", '"complies"', '"violates"')
     done = resimulate(call, folder, log)
     assert done.code == 1
-    assert "pictures, all equal" in done.said
+    assert "of plans are equal" in done.said
     assert "recorded " in done.said

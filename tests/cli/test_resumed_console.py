@@ -19,7 +19,7 @@ def test_a_killed_console_goes_on_where_it_was(start: Start, call: Call) -> None
     sent = killed.kinds.count("command_sent")
 
     again = start(*QUICK, "console", "--no-alarms", terminal=True)
-    again.until_shown("Go on from there?")
+    again.until_shown("Resume it?")
     assert ORDER in again.shown
     again.type("y\r")
     again.until("session_resumed")
@@ -42,7 +42,7 @@ def test_without_a_yes_a_new_session_begins_and_the_old_log_stays_as_it_is(
     log, was = killed.log, killed.log.read_bytes()
 
     again = start("console", "--no-alarms", terminal=True)
-    again.until_shown("Go on from there?")
+    again.until_shown("Resume it?")
     again.type("n\r")
     again.until_new(log)
     assert log.read_bytes() == was

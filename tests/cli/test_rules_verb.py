@@ -97,7 +97,7 @@ def test_a_comparison_shows_rule_field_and_words(call: Call, signed: Path, tmp_p
     other = tmp_path / "other.yaml"
     other.write_text(signed.read_text())
     same = call("rules", "diff", str(signed), str(other))
-    assert (same.code, "the same rules" in same.out) == (0, True)
+    assert (same.code, "no differences" in same.out) == (0, True)
     alter(other)
     done = call("rules", "diff", str(signed), str(other))
     assert (done.code, done.err) == (1, "")
@@ -169,7 +169,7 @@ def test_what_turns_is_listed_and_told_by_the_exit_code(call: Call, folder: Path
     assert done.code == 1
     assert f"{log}: session" in done.out
     assert "attempt 1 [Drone_T04 observe WestGate]: plan ROE-99: not blocked -> blocked" in done.out
-    assert "turned: 1 finding, 1 plan, 1 decision" in done.out
+    assert "changed: 1 finding, 1 plan, 1 decision" in done.out
     document = call("rules", "effect", strict, log, "--json").json
     assert document["turned"] == {"ROE-99": 3}
     assert [flip["kind"] for flip in document["sessions"][log]["flips"]] == [
@@ -197,8 +197,8 @@ def test_a_log_cut_short_is_gone_through_up_to_there(
     cut.write_bytes((folder / "one.jsonl").read_bytes()[:-20])
     done = call("rules", "effect", str(folder / "strict.yaml"), str(cut))
     assert done.code == 2
-    assert "turned: 1 finding, 1 plan, 1 decision" in done.out
-    assert f"{cut}: not read to its end" in done.err
+    assert "changed: 1 finding, 1 plan, 1 decision" in done.out
+    assert f"{cut}: not read completely" in done.err
     assert call("rules", "trace", "ROE-01", str(cut)).code == 2
 
 

@@ -12,7 +12,7 @@ SEND = ("Move the drone to the east gate.", "--approve", "auto", "--json")
 @pytest.mark.usefixtures("engine")
 def test_a_session_is_listed_shown_and_verified_by_its_name(call: Call, tmp_path: Path) -> None:
     logs = ("--set", f"logs={tmp_path / 'logs'}", "--set", "standing_confidence=0")
-    assert "no session was recorded" in call(*logs, "sessions").said
+    assert "no recorded sessions" in call(*logs, "sessions").said
     done = call(*logs, "mission", *SEND).json
     (listed,) = call(*logs, "sessions", "--json").json
     assert listed["title"] == done["mission"]["mission"]["text"]

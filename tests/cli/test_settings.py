@@ -59,7 +59,7 @@ def test_a_setting_is_set_checked_and_unset(call: Call, file: Path) -> None:
         (("approval_delay_s", "60"), "from 0.2 to 10"),
         (("keys.stop", "tab"), "moving about"),
         (("model", "smollm"), "smollm2-135m"),
-        (("nothing", "1"), "there is no setting"),
+        (("nothing", "1"), "unknown setting"),
         (("logs", str(file)), "is not a folder"),
     ):
         done = call("settings", "set", *words)
@@ -73,7 +73,7 @@ def test_a_variable_that_wins_is_told(
     call: Call, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PA_CONSOLE_SPEED", "4")
-    assert "PA_CONSOLE_SPEED is set and wins" in call("settings", "set", "speed", "2").said
+    assert "PA_CONSOLE_SPEED overrides the file" in call("settings", "set", "speed", "2").said
     assert file.exists()
 
 

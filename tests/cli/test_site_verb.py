@@ -51,7 +51,7 @@ def test_without_certificates_or_a_broker_the_error_says_what_to_do(call: Call) 
     closed = free_port()
     for words, says in (
         (("--fleet", "mqtts://localhost"), "--certificates"),
-        (("--fleet", f"mqtt://127.0.0.1:{closed}"), "no broker lets us in"),
+        (("--fleet", f"mqtt://127.0.0.1:{closed}"), "cannot connect to the broker"),
         (("--fleet", "nonsense"), "mqtts://HOST"),
         (("--fleet", "mqtt://127.0.0.1", "--scenario", "situation-2"), "site --scenario"),
     ):

@@ -77,8 +77,8 @@ def test_a_server_that_is_not_there_ends_no_replay(call: Call, log: Path) -> Non
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ((), "give --join URL for a live session, or --replay"),
-        (("--join", "mqtt://127.0.0.1", "--replay", "LOG"), "give --join URL"),
+        ((), "give either --join URL for a live session or --replay"),
+        (("--join", "mqtt://127.0.0.1", "--replay", "LOG"), "give either --join URL"),
         (("--replay", "nowhere", *SEA), "there is no session"),
         (("--replay", "LOG"), "does not say where on the earth it is"),
         (("--replay", "LOG", "--origin", "north"), "origin north: expected LATITUDE,LONGITUDE"),

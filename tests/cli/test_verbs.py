@@ -75,7 +75,8 @@ def test_the_help_says_of_a_verb_what_it_says_of_itself(name: str) -> None:
 def test_a_list_of_verbs_says_each_line_to_its_end_and_values_in_plain_words(call: Call) -> None:
     whole = call("--help").said
     assert all(line in whole for line in VERBS.values())
-    assert "priority, whether it is checked or only judged, text." in call("rules", "--help").said
+    rules = call("rules", "--help").said
+    assert "priority, text, and whether a rule is checked or only judged." in rules
     options = call("mission", "--help").said
     assert "--seed NUMBER" in options
     assert "--log PATH" in options
@@ -165,7 +166,7 @@ def test_the_verbs_work_from_any_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("fault", "remedy"),
-    [(errno.EROFS, "let XDG_STATE_HOME"), (errno.ENOSPC, "free some space on that disk")],
+    [(errno.EROFS, "set XDG_STATE_HOME"), (errno.ENOSPC, "free some space on that disk")],
 )
 def test_a_folder_that_takes_no_file_is_named_with_the_way_out(
     call: Call, monkeypatch: pytest.MonkeyPatch, fault: int, remedy: str

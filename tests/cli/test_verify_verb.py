@@ -80,7 +80,7 @@ def test_a_log_of_another_machine_needs_the_fingerprint_of_its_key(
     assert "the key of this machine" not in known.said
     wrong = call("replay", str(log), "--verify", "--key", "mine")
     assert wrong.code == 2
-    assert "--key mine: a fingerprint is SHA256:" in wrong.said
+    assert "--key mine: give a fingerprint, SHA256:" in wrong.said
 
 
 def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_session_that_goes_on_is_neither_intact_nor_damaged(call: Call, tmp_pa
         writer.flush()
         done = chain(call, log)
     assert done.code == 1
-    assert "up to line 2 only" in done.said
+    assert "only up to line 2" in done.said
     assert "4 unsigned records" in done.said
 
 
@@ -152,7 +152,7 @@ def test_two_sessions_that_tell_the_same_are_the_same(call: Call, tmp_path: Path
     b = written(tmp_path / "b.jsonl", "S2", story())
     done = call("replay", a, "--compare", b)
     assert done.code == 0, done.err
-    assert "the same: 16 events" in done.said
+    assert "no differences in 16 events" in done.said
     assert call("replay", a, "--compare", b, "--json").json["same"] is True
 
 

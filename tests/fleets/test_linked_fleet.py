@@ -67,7 +67,7 @@ def test_the_console_names_the_link_of_each_asset(desk: Desk) -> None:
     state = SessionState(picture=picture)
     rows = {line.partition(":")[0]: line for line in session_lines.asset_lines(state)}
     assert rows[DRONE].endswith(f"link ok over {ON_AIR}")
-    assert rows[UGV].endswith(f"link lost over {ON_GROUND}, report is old")
+    assert rows[UGV].endswith(f"link lost over {ON_GROUND}, telemetry is stale")
     assert "link lost on no link" in rows["Drone_T02"]
     assert f"{ON_AIR}: {DRONE}" in session_lines.status_lines(state)
     shown = [card.asset_lines(picture.assets[name], picture) for name in (DRONE, "Ugv_T02")]

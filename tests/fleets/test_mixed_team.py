@@ -83,9 +83,9 @@ def test_a_link_that_cannot_be_opened_closes_those_before_it() -> None:
 @pytest.mark.parametrize(
     ("urls", "more", "why"),
     [
-        (("mqtts://a/x", "mqtts://b/y"), {}, "one message bus at most"),
-        (("own:Drone_T01",), {"scenario": "situation-2"}, "play no situation"),
-        (("own:Drone_T01",), {"certificates": Path("keys")}, "names none"),
+        (("mqtts://a/x", "mqtts://b/y"), {}, "at most one message bus"),
+        (("own:Drone_T01",), {"scenario": "situation-2"}, "cannot be combined with --fleet"),
+        (("own:Drone_T01",), {"certificates": Path("keys")}, "--certificates needs a message bus"),
         (("other:1",), {}, "there is no link 'other'"),
     ],
 )

@@ -186,7 +186,7 @@ def test_the_verb_tells_who_is_reached_and_shows_no_secret(
     with WebReceiver() as web, WebReceiver(answer=403) as closed:
         monkeypatch.setenv("PA_CONSOLE_ALERT", f"{web.address} {closed.address}")
         done = call("alert")
-        assert web.posted.get()["title"] == "PA Console: a test alert"
+        assert web.posted.get()["title"] == "PA Console: test alert"
     assert "✔ receiver 1 (JSON): delivered" in done.out
     assert "✘ receiver 2 (JSON): refused, or not reached" in done.out
     assert done.code == 1

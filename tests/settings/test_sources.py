@@ -65,7 +65,7 @@ def test_without_a_file_the_defaults_are_in_force(
         ("keys: f11", 1, "keys: expected names.*`keys: {stop: f11}` in the file"),
         ("- theme", 1, "theme: pa-console-light"),
         ("theme: [", 1, "not valid YAML"),
-        ("logs: here", 1, "whole path"),
+        ("logs: here", 1, "absolute path"),
     ],
 )
 def test_a_wrong_file_is_explained_with_its_line(

@@ -22,7 +22,7 @@ from pa_console.settings.sources import LoadedSettings
 from pa_console.terminal.output import errors
 
 TOKEN_VARIABLE = "PA_CONSOLE_AGENT_TOKEN"
-NOBODY = "nobody sits at this session: it examines proposals and carries none out"
+NOBODY = "this session has no operator: it examines proposals but carries none out"
 
 
 @contextmanager
@@ -62,8 +62,8 @@ def join_agent(url: str) -> int:
     token = os.environ.get(TOKEN_VARIABLE, "")
     if not token:
         raise ValueError(
-            f"{TOKEN_VARIABLE} is not set; pa-console serve --make-token proposer --person NAME "
-            "makes a token"
+            f"{TOKEN_VARIABLE} is not set; make a token with 'pa-console serve --make-token "
+            "proposer --person NAME'"
         )
     asyncio.run(bridge(url, token))
     return 0

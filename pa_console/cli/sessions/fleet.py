@@ -136,29 +136,30 @@ def find_fleet(
     buses = [url for url in urls if _is_bus(url)]
     others = [url for url in urls if url not in buses]
     if len(buses) > 1:
-        raise ValueError(f"--fleet takes one message bus at most, not {' and '.join(buses)}")
+        raise ValueError(f"--fleet accepts at most one message bus, not {' and '.join(buses)}")
     if scenario:
         raise ValueError(
-            "robots play no situation, a site plays its own: 'pa-console site --scenario NAME'"
+            "--scenario cannot be combined with --fleet; a simulated site can play a situation: "
+            "'pa-console site --scenario NAME'"
         )
     if certificates is not None and not buses:
-        raise ValueError("--certificates are for a message bus, and --fleet names none")
-    found = _join_bus(buses[0], certificates, world, settings) if buses else FoundFleet(world)
+        raise ValueError("--certificates needs a message bus in --fleet")
+    fleet = _join_bus(buses[0], certificates, world, settings) if buses else FoundFleet(world)
     links: list[Link] = []
     try:
         if others:
-            site = found.joined.site if found.joined is not None else None
+            site = fleet.joined.site if fleet.joined is not None else None
             if site is not None and (site.paced or site.rate != 1.0):
                 raise ValueError(
-                    f"the site at {buses[0]} has a clock of its own, which other robots cannot "
-                    "follow: run 'pa-console site' without --paced and --rate"
+                    f"the site at {buses[0]} has its own clock, which other robots cannot follow; "
+                    "run 'pa-console site' without --paced and --rate"
                 )
-            loaded, _ = open_world(found.world)
+            loaded, _ = open_world(fleet.world)
             links.extend(open_link(url, loaded, settings) for url in others)
     except BaseException:
-        replace(found, links=tuple(links)).close()
+        replace(fleet, links=tuple(links)).close()
         raise
-    return replace(found, links=tuple(links))
+    return replace(fleet, links=tuple(links))
 
 
 def open_listener(
@@ -232,9 +233,11 @@ def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> P
     Raises ValueError if the folder is missing, or given for a bus that is not encrypted.
     """
     if address.tls and certificates is None:
-        raise ValueError(f"{address} needs --certificates FOLDER, of 'pa-console site init FOLDER'")
+        raise ValueError(
+            f"{address} needs --certificates FOLDER, from 'pa-console site init FOLDER'"
+        )
     if certificates is not None and not address.tls:
-        raise ValueError(f"{address} is not encrypted, so --certificates are in vain; use mqtts://")
+        raise ValueError(f"--certificates needs an encrypted bus, not {address}; use mqtts://")
     return certificates
 
 
@@ -266,5 +269,5 @@ def ask_passphrase(name: str) -> str:
     if given := os.environ.get(PASSPHRASE_VARIABLE):
         return given
     if not sys.stdin.isatty():
-        raise SigningError(f"the key of {name} has a passphrase: set {PASSPHRASE_VARIABLE}")
+        raise SigningError(f"the key of {name} needs a passphrase; set {PASSPHRASE_VARIABLE}")
     return cast(str, typer.prompt(f"Passphrase of the key of {name}", hide_input=True, err=True))

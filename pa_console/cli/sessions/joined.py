@@ -45,15 +45,15 @@ def shared_session(url: str, certificates: Path | None) -> Generator[FoundSessio
     folder = KeyFolder(ask=ask_passphrase)
     if not folder.made:
         raise ValueError(
-            "joining takes the keys of the site: 'pa-console keys make NAME --join OWNER_KEY' "
-            "makes them here, and the owner enrols them"
+            "--join needs keys of the site: make them with 'pa-console keys make NAME --join "
+            "OWNER_KEY', and ask the owner to enrol them"
         )
     address = BrokerAddress.parse(url)
     credentials = claim_credentials(address, certificates, JOINED)
     link = StationLink(address, f"{JOINED}-{secrets.token_hex(4)}", HEARD, credentials)
     try:
         if not link.wait_connected(CONNECT_S):
-            raise ValueError(f"no broker lets us in at {address}: {link.problem}")
+            raise ValueError(f"cannot connect to the broker at {address}: {link.problem}")
         log = SharedLog(link, folder.trust(), folder.take)
         with TransientBar("reading the session") as bar:
             before = read_so_far(log, bar.show)
@@ -102,17 +102,17 @@ class JoinedSession:
     @property
     def opening(self) -> str:
         """The line shown while a console opens that will take command."""
-        return f"Opening the console that takes command; {self.station.station} commands ..."
+        return f"Opening the console; {self.station.station} is in command until then ..."
 
     @contextmanager
-    def told_unless_taken(self) -> Generator[None]:
+    def reporting_unless_taken(self) -> Generator[None]:
         """Report that the other station keeps command, if the block ends before it was taken."""
         try:
             yield
         finally:
             if self.succession.taken is None:
                 errors.print(
-                    f"command was not taken: {self.station.station} has it as before",
+                    f"command was not taken: {self.station.station} is still in command",
                     style="bold red",
                 )
 
@@ -145,26 +145,27 @@ def joining(
 
     Raises ValueError if there is no session, or if key, world or rules are missing here.
     """
-    with shared_session(url, options.certificates) as found:
-        log, folder, address = found.log, found.folder, found.log.link.address
+    with shared_session(url, options.certificates) as shared:
+        log, folder, address = shared.log, shared.folder, shared.log.link.address
         person = folder.person()
-        world = shared_world(found.before, options.world, settings)
-        started = _started_of(found.before)
+        world = shared_world(shared.before, options.world, settings)
+        started = _started_of(shared.before)
         rules = SessionSites((), (options.rules,)).rules_of(started)
         if rules is None:
             raise ValueError(
-                f"the rules {started.rules!r} of this session are not here as they are there; "
+                f"the rules {started.rules!r} of this session are not installed here unchanged; "
                 "give their file with --rules"
             )
         signatory = Signatory(*person)
 
         def own_station() -> StationAuthority:
-            if (ours := claim_credentials(address, options.certificates, STATION)) is not None:
-                ours.release()
+            credentials = claim_credentials(address, options.certificates, STATION)
+            if credentials is not None:
+                credentials.release()
             return StationAuthority(folder.keys(person), keep=folder.take)
 
         yield JoinedSession(
-            JoinedStation(log, found.before, signatory, world, rules),
+            JoinedStation(log, shared.before, signatory, world, rules),
             world,
             rules,
             Succession(log, signatory, own_station),
@@ -175,18 +176,18 @@ def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> W
     """Return the world of the session, which may be `given`; raises ValueError if it is missing."""
     started = _started_of(events)
     near = (settings.values.logs or default_folder()) / "log"
-    found = SessionSites((given,)).world_file(started, near)
-    if found is None:
+    path = SessionSites((given,)).world_file(started, near)
+    if path is None:
         raise ValueError(
-            f"the world {started.world!r} of this session is not here as it is there (SHA-256 "
+            f"the world {started.world!r} of this session is not installed here unchanged (SHA-256 "
             f"{started.world_sha256[:12]}); give its file with --world"
         )
-    return open_world(str(found))[0]
+    return open_world(str(path))[0]
 
 
 def _started_of(events: list[Event]) -> SessionStarted:
     """Return the first event of the session; raises ValueError if it is not its start."""
     started = events[0].data
     if not isinstance(started, SessionStarted):
-        raise ValueError("what is shared does not begin with the start of a session")
+        raise ValueError("the shared events do not begin with the start of a session")
     return started

@@ -115,11 +115,11 @@ def open_live(
     """
     if options.require_sandbox:
         require_all(try_out())
-    found = find_fleet(
+    devices = find_fleet(
         options.fleet or (), options.certificates, options.world, settings, options.scenario
     )
     pins, deadline_s = RulesPins(), settings.check_deadline_ms / 1000.0
-    site = _open_site(found.world, options, pins, deadline_s)
+    site = _open_site(devices.world, options, pins, deadline_s)
     watch = None
     if options.stepped:
         warn_of_altered(options.rules, site.rulebook.seal)
@@ -135,11 +135,11 @@ def open_live(
         chosen = choose_session(folder, site, model.model.sha256, scenario, options.resume)
     resumed, log = chosen if chosen is not None else (None, None)
     authority = authority or load_authority()
-    fleet, bus = found.drive(site, authority)
+    fleet, bus = devices.drive(site, authority)
     station = open_station(
         site,
         model,
-        found.clock(SteppedClock() if options.stepped else RealTimeClock()),
+        devices.clock(SteppedClock() if options.stepped else RealTimeClock()),
         seed=options.seed,
         readonly=options.readonly,
         scenario=played,
@@ -199,81 +199,81 @@ def choose_session(
     """
     if wanted is False:
         return None
-    found = find_unclosed(folder, site.world_sha256)
-    if found is None:
+    unclosed = find_unclosed(folder, site.world_sha256)
+    if unclosed is None:
         if wanted:
-            raise ValueError("no session of this world was left unclosed; start without --resume")
+            raise ValueError("no unclosed session of this world; start without --resume")
         return None
-    _tell(found)
-    problem = _problem(found, site, model_sha256, scenario)
+    _print_unclosed(unclosed)
+    problem = _problem(unclosed, site, model_sha256, scenario)
     if not problem and wanted is None and not _asked():
         return None
     if not problem:
         try:
-            with errors.status("bringing the session back"):
-                return resume(found, site.world, _scenario_of(found, site)), found.log
+            with errors.status("restoring the session"):
+                return resume(unclosed, site.world, _scenario_of(unclosed, site)), unclosed.log
         except (NotResumableError, LogError) as error:
             problem = str(error)
     if wanted:
-        raise ValueError(f"this session cannot go on: {problem}")
-    errors.print_line(f"It cannot go on: {problem}. A new session begins.", style="yellow")
+        raise ValueError(f"the session cannot be resumed: {problem}")
+    errors.print_line(f"It cannot be resumed: {problem}. A new session starts.", style="yellow")
     return None
 
 
 def _asked() -> bool:
     if not sys.stdin.isatty():
-        errors.print("A new session begins; --resume goes on with that one.")
+        errors.print("A new session starts; resume that one with --resume.")
         return False
-    question = "Go on from there? Nothing is dispatched by that. No begins anew"
+    question = "Resume it? Nothing is dispatched automatically. No starts a new session"
     return typer.confirm(question, default=True, err=True)
 
 
-def _problem(found: UnclosedSession, site: Site, model_sha256: str, scenario: str | None) -> str:
+def _problem(unclosed: UnclosedSession, site: Site, model_sha256: str, scenario: str | None) -> str:
     """Return why the session cannot be resumed; '' if it may be possible."""
-    started = found.started
+    started = unclosed.started
     if scenario is not None and scenario not in (started.scenario, f"{started.scenario}.yaml"):
         played = f"the scenario {started.scenario!r}" if started.scenario else "no scenario"
-        return f"it played {played}, and --scenario {scenario} was asked for"
+        return f"it played {played}, not {scenario!r}"
     seal = site.rulebook.seal
     content = started.rules_seal.content_sha256 if started.rules_seal is not None else ""
     if started.rules_sha256 != site.rulebook.sha256 and content != seal.content_sha256:
-        return "the rules have changed since"
+        return "the rules have changed since then"
     if started.model_sha256 != model_sha256:
-        return f"it ran with the model {started.model!r}"
+        return f"it used another model, {started.model!r}"
     try:
-        _scenario_of(found, site)
+        _scenario_of(unclosed, site)
     except (DocumentError, ValueError) as error:
         return str(error)
     return ""
 
 
-def _scenario_of(found: UnclosedSession, site: Site) -> Scenario | None:
+def _scenario_of(unclosed: UnclosedSession, site: Site) -> Scenario | None:
     """Return the scenario of the session, if it has one; raises ValueError if it has changed."""
-    started = found.started
+    started = unclosed.started
     if not started.scenario:
         return None
     loaded = open_scenario(site.world, site.world_path, started.scenario)
     if started.scenario_sha256 not in ("", loaded.sha256):
-        raise ValueError(f"the scenario {started.scenario!r} has changed since")
+        raise ValueError(f"the scenario {started.scenario!r} has changed since then")
     return loaded.scenario
 
 
-def _tell(found: UnclosedSession) -> None:
+def _print_unclosed(unclosed: UnclosedSession) -> None:
     """Print the session that was not closed, with its open missions, alarms and stop."""
-    state, started = found.state, found.started
+    state, started = unclosed.state, unclosed.started
     picture = state.picture
-    at = f", {clock_text(picture.time_s)} into it" if picture is not None else ""
+    at = f", after {clock_text(picture.time_s)}" if picture is not None else ""
     scenario = f", {started.scenario}" if started.scenario else ""
     lines = [f"The session {started.session}{scenario} ended without being closed{at}."]
-    for trace in found.interrupted:
-        said = f"{trace.mission.id} {trace.mission.said!r} ({trace.stage})"
-        lines.append(f"  under way  {said}: it ends as held")
-    lines += _named("waiting", [f"{e.mission.id} {e.mission.said!r}" for e in found.waiting])
+    for trace in unclosed.interrupted:
+        mission = f"{trace.mission.id} {trace.mission.said!r} ({trace.stage})"
+        lines.append(f"  active     {mission}: will be held")
+    lines += _named("waiting", [f"{e.mission.id} {e.mission.said!r}" for e in unclosed.waiting])
     lines += _named("alarm", [f"{a.alarm.priority}: {a.alarm.text}" for a in state.alarms])
     if state.stop is not None:
-        lines.append("  stop       everything is stopped, and stays so until it is released")
-    if not found.unfinished:
-        lines.append("  no mission was under way, none waited, and no alarm was open")
+        lines.append("  stop       all assets stay stopped until you release them")
+    if not unclosed.unfinished:
+        lines.append("  no active or waiting mission, and no open alarm")
     errors.print_line(Text(visible("\n".join(lines))))
 
 

@@ -33,7 +33,7 @@ def open_log(
     folder = settings.logs or default_folder()
     target = witness_target(witness) if witness else ""
     if target and not target.startswith(URLS) and _same_disk(Path(target), path or folder):
-        warn_of_witness(f"the witness {target} is on the same disk as the log")
+        warn_about_witness(f"the witness {target} is on the same disk as the log; use another disk")
     return open_session_log(
         session,
         load_signer(),
@@ -67,11 +67,11 @@ def witness_target(given: str) -> str:
         raise ValueError(f"--witness {given}: give a file, or an address with {' or '.join(URLS)}")
     path = Path(given).expanduser().absolute()
     if path.is_dir():
-        raise ValueError(f"--witness {given}: this is a folder; give the name of a file")
+        raise ValueError(f"--witness {given}: this is a folder; give a file")
     return str(path)
 
 
-def warn_of_witness(text: str) -> None:
+def warn_about_witness(text: str) -> None:
     """Report a problem with a witness on stderr."""
     errors.print_line(f"warning: {text}", style="yellow")
 
@@ -86,11 +86,13 @@ def usual_file() -> Path:
     return platformdirs.user_state_path("pa-console") / "usual-times.json"
 
 
-def tell_of_witness(log: LogWriter) -> None:
+def report_witness_problem(log: LogWriter) -> None:
     """Report on stderr if the witness did not get the last head of a log, which is closed."""
     if log.witness_problem:
-        warn_of_witness(f"the witness did not get the log's last head: {log.witness_problem}")
+        warn_about_witness(
+            f"the witness did not receive the last head of the log: {log.witness_problem}"
+        )
 
 
-def _same_disk(one: Path, other: Path) -> bool:
-    return nearest_existing(one).stat().st_dev == nearest_existing(other).stat().st_dev
+def _same_disk(first: Path, second: Path) -> bool:
+    return nearest_existing(first).stat().st_dev == nearest_existing(second).stat().st_dev

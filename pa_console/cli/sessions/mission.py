@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import open_live
-from pa_console.cli.sessions.log import tell_of_witness, usual_file
+from pa_console.cli.sessions.log import report_witness_problem, usual_file
 from pa_console.cli.sessions.observing import Beside
 from pa_console.end_signals import EndableRun, exit_code_of, leave_terminal
 from pa_console.llm.local.engine import Engine
@@ -71,8 +71,8 @@ def run_mission(
     leads to a question, the choice with the number `choose` is taken, unless it is 0.
     """
     if text is None and options.scenario is None:
-        raise ValueError("give a mission in plain language, or --scenario NAME, or both")
-    incidents = [read_event(number, told) for number, told in enumerate(setup, start=1)]
+        raise ValueError("give a mission in plain language, --scenario NAME, or both")
+    incidents = [read_event(number, event) for number, event in enumerate(setup, start=1)]
     chosen = session_models(options.model, settings.judge_server, settings.second_reader)
     opened = open_live(
         options,
@@ -120,11 +120,11 @@ def run_mission(
     if endable.ended_by:
         errors.print_line(f"the session was ended; log: {path}")
         raise typer.Exit(exit_code_of(endable.ended_by))
-    tell_of_witness(writer)
-    _tell_end(progress.traces, progress.answers, path, unlogged, single=single, json=json)
+    report_witness_problem(writer)
+    _print_end(progress.traces, progress.answers, path, unlogged, single=single, json=json)
 
 
-def _tell_end(
+def _print_end(
     traces: Sequence[MissionTrace],
     answers: Sequence[QuestionAnswered],
     path: Path,
@@ -139,16 +139,16 @@ def _tell_end(
     if code == EXIT_CODES["held"] and asked:
         code = ASKED_BACK
     if json:
-        found = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
+        document = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
         if answers:
-            found = {"answer": answers[0], **({} if single and not traces else found)}
+            document = {"answer": answers[0], **({} if single and not traces else document)}
         problem = {} if unlogged is None else {"log_problem": str(unlogged)}
-        print_json({"exit_code": code, "log": str(path), **problem, **found})
+        print_json({"exit_code": code, "log": str(path), **problem, **document})
     if unlogged is not None:
         raise unlogged
     if not json:
-        for told in answers:
-            print_answer(out, told)
+        for answer in answers:
+            print_answer(out, answer)
         for trace in traces:
             print_trace(out, trace)
         for trace in asked:
@@ -181,7 +181,7 @@ def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approve
             return approver(request)
         taken = True
         if number > len(offered):
-            reason = f"--choose {number}: there are only {count(len(offered), 'choice')}"
+            reason = f"--choose {number}: the console offered only {count(len(offered), 'choice')}"
             return request.decided("reject", reason=reason)
         kind: DecisionKind = "answer" if choices else "choose"
         return request.decided(kind, asked=offered[number - 1])
@@ -215,7 +215,7 @@ class _Progress:
     ) -> None:
         """Use the usual times of the model with the SHA-256 `model`."""
         self._station = station
-        self._told: list[QuestionAnswered] = []
+        self._shown: list[QuestionAnswered] = []
         """The answers that were already shown on the terminal."""
         self._writer, self._endable, self._model = writer, endable, model
         self._status = errors.status("starting")
@@ -237,7 +237,7 @@ class _Progress:
         """Show one event; raises LogError if the log cannot be written."""
         self.state = state
         self._observe(event)
-        if isinstance(event.data, QuestionAnswered) and event.data not in self._told:
+        if isinstance(event.data, QuestionAnswered) and event.data not in self._shown:
             self.answers.append(event.data)
         finished = event.mission if isinstance(event.data, MissionFinished) else None
         if finished is not None:
@@ -274,18 +274,18 @@ class _Progress:
             try:
                 with self._endable.asking():
                     trace, question_in = self.state.current, self._station.question_in
-                    said = ask_decision(request, trace, question_in)
+                    reply = ask_decision(request, trace, question_in)
             finally:
                 self._status.start()
-            if isinstance(said, Decision):
-                return said
-            self._status.update("looking at the record, and checking what has to be checked")
-            told = await self._station.answer(said)
-            self._told.append(told)
+            if isinstance(reply, Decision):
+                return reply
+            self._status.update("looking for the answer")
+            answer = await self._station.answer(reply)
+            self._shown.append(answer)
             self._status.stop()
-            print_answer(errors, told)
+            print_answer(errors, answer)
             if not self._station.awaits_decision:
-                return Decision(kind="reject", reason="the plan does not wait any more")
+                return Decision(kind="reject", reason="the plan is no longer waiting")
 
     def __enter__(self) -> None:
         self._status.start()

@@ -130,7 +130,7 @@ class RecordedEvents:
     @property
     def title(self) -> str:
         """The id of the session and its speed, in words."""
-        return f"the recorded session {self.log.stem}, {self.speed:g} times as fast"
+        return f"the recorded session {self.log.stem} at {self.speed:g} times its speed"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
         """Yield events when they are due, and None regularly, until the last one or `ended`."""
@@ -171,7 +171,7 @@ def show(asked: FollowOptions, settings: LoadedSettings) -> int:
             _report(f"warning: {server.warning}")
         try:
             with end_signals(end), connection:
-                _report(f"{followed.title}; Ctrl-C ends it")
+                _report(f"showing {followed.title}; stop with Ctrl-C")
                 try:
                     for event in followed.events(over.is_set):
                         if event is not None:

@@ -48,12 +48,12 @@ def open_console(
             servers = Servers.open(
                 chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
             )
-            found = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
+            model = hashing.submit(find_model, chosen.own, going_on, chosen.second_reader)
             from pa_console.cli.sessions.live import open_live  # noqa: PLC0415 - imported meanwhile
             from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 
             beside = observes.enter_context(observing(values, options))
-            engine = Engine(found.result(), require_sandbox=options.require_sandbox)
+            engine = Engine(model.result(), require_sandbox=options.require_sandbox)
         loop.run(engine.start())
         try:
             authority = joined.succession.authority if joined is not None else None

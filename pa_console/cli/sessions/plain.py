@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 
 from pa_console.cli.sessions.live import LiveSession
-from pa_console.cli.sessions.log import tell_of_witness, usual_file
+from pa_console.cli.sessions.log import report_witness_problem, usual_file
 from pa_console.end_signals import EndableRun, end_signals
 from pa_console.observability import Observer
 from pa_console.settings.schema import Settings
@@ -41,7 +41,7 @@ def run_plain(
         with opened.logged(writer, endable.end):
             endable.run(run_lines(console), loop)
             save_usual(usual_file(), model, console.waiting.usual)
-        tell_of_witness(writer)
+        report_witness_problem(writer)
         if not endable.ended_by:
             say(f"session log: {writer.path}")
         return endable.ended_by
@@ -92,5 +92,5 @@ def run_joined_plain(
     with end_signals(endable.end):
         endable.run(run_lines(console))
     if not console.takes_command and not endable.ended_by and not console.state.ended:
-        say(f"left; the session of {station.station} goes on")
+        say(f"you have left; the session of {station.station} continues")
     return console.takes_command and not endable.ended_by, endable.ended_by

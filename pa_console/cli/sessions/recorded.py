@@ -157,7 +157,7 @@ def _run_again(log: Path, place: ReplaySetup) -> Again:
     )
     world, path = _original_world(sites, started, place.world, log)
     situation = _situation(world, path, place.scenario, started)
-    with errors.status(f"running {count(len(recording), 'event')} again"):
+    with errors.status(f"simulating {count(len(recording), 'event')} again"):
         twin = resimulate(_events(recording), world, situation)
         rules = sites.rules_of(started)
         decided = None if rules is None else decided_again(_events(recording), world, rules)
@@ -187,8 +187,8 @@ def _print_again(log: Path, again: Again) -> None:
     twin, decided = again.twin, again.decided
     if twin.equal:
         out.print_line(
-            f"{log}: {count(twin.pictures, 'picture')}, all equal, and "
-            f"{count(twin.rehearsals, 'rehearsal')} of plans; SHA-256 {twin.repeated_sha256}"
+            f"{log}: {count(twin.pictures, 'picture')} and {count(twin.rehearsals, 'rehearsal')} "
+            f"of plans are equal; SHA-256 {twin.repeated_sha256}"
         )
     else:
         at = f"{log}:{again.line}" if again.line is not None else str(log)
@@ -199,8 +199,8 @@ def _print_again(log: Path, again: Again) -> None:
         )
     if decided is None:
         errors.print_line(
-            f"{log}: the rules of this session are not here as they were: what they said of its "
-            "plans was not decided again; give their file with --rules"
+            f"{log}: the plans were not checked again, because the rules of this session are not "
+            "installed here unchanged; give their file with --rules"
         )
         return
     for flip in decided.flips:
@@ -210,10 +210,10 @@ def _print_again(log: Path, again: Again) -> None:
             f"{log}: {where}: {flip.kind} {rules}: recorded {flip.was}, again {flip.now}"
         )
     if not decided.flips:
-        left = f"; {len(decided.gaps)} could not be" if decided.gaps else ""
+        left = f"; {len(decided.gaps)} could not be checked again" if decided.gaps else ""
         out.print_line(
             f"{log}: {count(decided.compared, 'finding')} on {count(decided.plans, 'plan')} of "
-            f"{count(decided.missions, 'mission')} decided again, all equal{left}"
+            f"{count(decided.missions, 'mission')} checked again, all equal{left}"
         )
 
 
@@ -223,7 +223,7 @@ def _original_world(
     """Return the session's world, found by its hash, or the one given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
-        errors.print_line(f"note: {given} is not the world of this session as it was then")
+        errors.print_line(f"note: {given} differs from the world of this session")
         return open_world(given)
     world = sites.world_of(started, log)
     assert path is not None
@@ -241,20 +241,20 @@ def _situation(
     if not played:
         return None
     try:
-        found = open_scenario(world, path, played)
+        loaded = open_scenario(world, path, played)
     except DocumentError as error:
         if given is not None:
             raise
         raise ValueError(f"{error}; give the session's own file with --scenario") from error
     pinned = started.scenario_sha256
-    if pinned and found.sha256 != pinned:
+    if pinned and loaded.sha256 != pinned:
         if given is None:
             raise ValueError(
-                f"the scenario {played!r} of this session is not here as it was then "
+                f"the scenario {played!r} of this session is not installed here unchanged "
                 f"(SHA-256 {pinned[:12]}); give its file with --scenario"
             )
-        errors.print_line(f"note: {given} is not the scenario of this session as it was then")
-    return found.scenario
+        errors.print_line(f"note: {given} differs from the scenario of this session")
+    return loaded.scenario
 
 
 def _events(recording: Recording) -> Iterator[Event]:
@@ -273,17 +273,17 @@ def compare_logs(first: Path, second: Path, json: bool) -> None:
         def going_on(done: int, total: int) -> None:
             status.update(f"comparing, {done} of {count(total, 'event')}")
 
-        found = compare_sessions(a, b, going_on)
+        comparison = compare_sessions(a, b, going_on)
     problem = a.problem or b.problem
     if json:
-        print_json({"same": found.same and not problem, **asdict(found)})
-    elif found.same and not problem:
-        out.print(f"the same: {count(len(a), 'event')}")
+        print_json({"same": comparison.same and not problem, **asdict(comparison)})
+    elif comparison.same and not problem:
+        out.print(f"no differences in {count(len(a), 'event')}")
     else:
-        _print(found, (a, b), (first, second))
+        _print(comparison, (a, b), (first, second))
     if problem is not None:
         errors.print_line(f"note: {problem}", style="yellow")
-    if not found.same:
+    if not comparison.same:
         raise typer.Exit(FAILED)
     if problem is not None:
         raise problem
@@ -297,27 +297,27 @@ def show_compared(first: Path, second: Path, world: str | None, settings: Loaded
     recording = read_recording(first)
     site = _site_of(recording, first, world)
     rules = {rule.id: rule for rule in site.rulebook.rules}
-    known = KnownWorld(site.world, site.world_sha256)
-    one = OpenedLog(first.name, recording, site.world, rules)
-    other = open_compared(second, known)
-    _run_console(site, recording, settings, comparison(one, other))
+    own_world = KnownWorld(site.world, site.world_sha256)
+    first_log = OpenedLog(first.name, recording, site.world, rules)
+    second_log = open_compared(second, own_world)
+    _run_console(site, recording, settings, comparison(first_log, second_log))
 
 
 def _print(
-    found: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
+    comparison: SessionComparison, both: tuple[Recording, Recording], names: tuple[Path, Path]
 ) -> None:
     for letter, name, recording in zip("AB", names, both, strict=True):
         out.print_line(f"{letter}  {name}: {count(len(recording), 'event')}")
-    if found.started:
-        out.print("\nstarted differently", style="bold")
-        for change in found.started:
+    if comparison.started:
+        out.print("\ndifferent starts", style="bold")
+        for change in comparison.started:
             out.print_line(f"  {change.path}: {change.a} | {change.b}")
-    if found.first is None:
-        out.print("\nevery event means the same in both")
+    if comparison.first is None:
+        out.print("\nno difference in any event")
     else:
-        _print_difference("first difference", found.first, both)
-    if found.beyond is not None:
-        _print_difference("first difference beyond telemetry and ticks", found.beyond, both)
+        _print_difference("first difference", comparison.first, both)
+    if comparison.beyond is not None:
+        _print_difference("first difference except telemetry and ticks", comparison.beyond, both)
 
 
 def _print_difference(
@@ -338,7 +338,9 @@ def _print_difference(
     for change in found.changes[:CHANGES]:
         out.print_line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
     if len(found.changes) > CHANGES:
-        out.print(f"     and {count(len(found.changes) - CHANGES, 'more value')}; --json has all")
+        out.print(
+            f"     and {count(len(found.changes) - CHANGES, 'more value')}; show all with --json"
+        )
 
 
 def _short(text: str) -> str:
@@ -373,11 +375,11 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
     """
     for given in trust.keys:
         if not is_fingerprint(given):
-            raise ValueError(f"--key {given}: a fingerprint is SHA256: and 43 characters")
+            raise ValueError(f"--key {given}: give a fingerprint, SHA256: and 43 characters")
     own = known_keys()
-    known = own | trust.keys
-    result, index = verify(log, known), check_index(log.parent, known)
-    seen = check_witness(log, result.session, trust.witness, known) if trust.witness else None
+    trusted = own | trust.keys
+    result, index = verify(log, trusted), check_index(log.parent, trusted)
+    seen = check_witness(log, result.session, trust.witness, trusted) if trust.witness else None
     lost = index.of(log)
     again, problem = None, ""
     if place is not None and result.ok:
@@ -394,7 +396,9 @@ def show_verified(log: Path, trust: TrustedKeys, place: ReplaySetup | None, json
         if again is not None:
             _print_again(log, again)
         if problem:
-            errors.print_line(f"{log}: not run again: {problem}; or verify with --chain-only")
+            errors.print_line(
+                f"{log}: not simulated again: {problem}; to verify the log only, use --chain-only"
+            )
         for index_problem in index.all_problems:
             errors.print_line(f"{index_path(log.parent)}: {index_problem}")
         if seen is not None:
@@ -416,8 +420,8 @@ def _print_result(log: Path, result: VerifyResult, own: frozenset[str]) -> None:
     by = f"signed by {result.key}{' (the key of this machine)' * (result.key in own)}"
     standing = {
         "signed": f"{by}.",
-        "open": f"{by} up to line {result.vouched} only." if result.key else "not signed yet.",
-        "not signed": "not signed: nothing shows that it was not written anew.",
+        "open": f"{by} only up to line {result.vouched}." if result.key else "not signed yet.",
+        "not signed": "not signed, so it may have been replaced by another log.",
     }[result.standing]
     line = f"{log}: {count(result.lines, 'line')}, chain intact, {standing}"
     line += f" {result.note[:1].upper()}{result.note[1:]}." if result.note else ""
@@ -430,5 +434,5 @@ def _print_statement(log: Path, witness: Path | None, seen: WitnessResult) -> No
         place = f"{witness}:{seen.line}" if seen.line is not None else f"{witness}"
         errors.print_line(f"{place}: {seen.problem}")
         return
-    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} has seen"
+    heads = f"{log}: has all {count(seen.heads, 'head')} that {witness} received"
     out.print_line(f"{heads}, the last after record {seen.records}")

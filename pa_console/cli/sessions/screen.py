@@ -5,7 +5,7 @@ from asyncio import Runner
 from collections.abc import Callable
 
 from pa_console.cli.sessions.live import LiveSession
-from pa_console.cli.sessions.log import tell_of_witness, usual_file
+from pa_console.cli.sessions.log import report_witness_problem, usual_file
 from pa_console.observability import Observer
 from pa_console.session.log.chain import LogError
 from pa_console.session.log.writer import default_folder
@@ -61,7 +61,7 @@ def run_screen(
             keep_loaded()
             loop.run(app.run_async(mouse=settings.values.mouse))
             save_usual(usual_file(), model, app.feed.waiting.usual)
-        tell_of_witness(writer)
+        report_witness_problem(writer)
         out.print_line(f"session log: {writer.path}")
         return leaving.ended_by
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack, aclosing
 
 from pa_console.cli.options import SessionOptions
 from pa_console.cli.sessions.live import LiveSession, open_live
-from pa_console.cli.sessions.log import tell_of_witness
+from pa_console.cli.sessions.log import report_witness_problem
 from pa_console.cli.sessions.observing import observing
 from pa_console.cli.sessions.tokens import offer_token, token_book
 from pa_console.end_signals import EndableRun, exit_code_of
@@ -54,7 +54,7 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
         with opened.logged(writer, endable.end):
             opened.station.listen_to(beside.outside)
             endable.run(_serve(opened, writer, tokens, listening, observer, endable), loop)
-        tell_of_witness(writer)
+        report_witness_problem(writer)
         out.print_line(f"session log: {writer.path}")
     if opened.station.failure:
         errors.print_line(opened.station.failure, style="bold red")
@@ -103,9 +103,9 @@ def _greet(address: str, tokens: TokenBook) -> None:
     """Print the address of the interface and, if there is no token yet, an access token."""
     out.print_line(f"{address}/docs")
     offer_token(tokens, "session")
-    errors.print("Ctrl-C ends the session: what moves goes to safety, the log is closed.")
+    errors.print("Ctrl-C ends the session: moving assets go to safety, and the log is closed.")
 
 
 def _failed(error: Exception) -> None:
-    told = f"a request failed: {type(error).__name__}: {error}"
-    errors.print_line(told, style="bold red")
+    problem = f"a request failed: {type(error).__name__}: {error}"
+    errors.print_line(problem, style="bold red")

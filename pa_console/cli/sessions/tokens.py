@@ -30,7 +30,7 @@ def make(role: TokenRole, person: str | None, *, json: bool = False) -> None:
     if json:
         print_json({"person": name, "role": role, "token": token})
         return
-    errors.print(f"a token of {name}, {role}; it is not shown again:")
+    errors.print(f"token for {name}, {role}; it is not shown again:")
     out.print_line(token)
 
 
@@ -39,7 +39,7 @@ def show(*, json: bool = False) -> None:
     book = token_book()
     rows = book.listed()
     if json:
-        print_json({"file": str(book.path), "tokens": [_told(row) for row in rows]})
+        print_json({"file": str(book.path), "tokens": [_without_hash(row) for row in rows]})
         return
     table = Table("id", "person", "role", "made")
     for row in rows:
@@ -51,7 +51,7 @@ def revoke(name: str, *, json: bool = False) -> None:
     """Revoke a token, which is refused from the next request on."""
     gone = token_book().revoke(name)
     if json:
-        print_json({"revoked": _told(gone)})
+        print_json({"revoked": _without_hash(gone)})
     else:
         out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}")
 
@@ -66,8 +66,8 @@ def offer_token(tokens: TokenBook, lasting: str) -> None:
     person = this_user()
     token = tokens.make(person, "operator", keep=False)
     errors.print_line(
-        f"no token was made yet; this one of {person}, operator, is for this {lasting} alone and "
-        f"is not shown again:\n{token}"
+        f"no tokens yet; token for {person}, operator, valid for this {lasting} and not shown "
+        f"again:\n{token}"
     )
 
 
@@ -80,5 +80,5 @@ def _role_of(trust: Trust) -> RoleOf:
     return lambda person: trust.person(person).role
 
 
-def _told(row: object) -> dict[str, str]:
+def _without_hash(row: object) -> dict[str, str]:
     return {name: value for name, value in vars(row).items() if name != "sha256"}

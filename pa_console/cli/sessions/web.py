@@ -122,7 +122,7 @@ class ServedConsole(Server):
     def _greet(self) -> None:
         out.print_line(self.public_url)
         offer_token(self._tokens, "run")
-        errors.print("Ctrl-C ends the console that is open, in order, and this.")
+        errors.print("Ctrl-C closes the open console and stops the server.")
 
     async def on_startup(self, app: web.Application) -> None:
         """Do nothing, in place of the library's banner."""
@@ -143,15 +143,15 @@ class ServedConsole(Server):
     def _admit(self, request: web.Request) -> None:
         """Refuse requests from other machines, to other hosts, or from pages of other sites."""
         if request.remote is None or not ip_address(request.remote).is_loopback:
-            raise web.HTTPForbidden(text="only this machine is let in")
+            raise web.HTTPForbidden(text="only connections from this machine are accepted")
         if request.headers.getall("Host", []) != [request.host] or (
             request.host.lower() not in self._hosts
         ):
-            raise web.HTTPMisdirectedRequest(text=f"ask {self.public_url}")
+            raise web.HTTPMisdirectedRequest(text=f"use {self.public_url}")
         origin = request.headers.get("Origin")
         asks = request.method != "GET" or "Upgrade" in request.headers
         if origin not in (None, f"http://{request.host}") or (asks and origin is None):
-            raise web.HTTPForbidden(text="a page of another site may ask nothing")
+            raise web.HTTPForbidden(text="requests from pages of other sites are refused")
 
     def _bearer(self, request: web.Request) -> Bearer | None:
         """Return the bearer of the browser's token; None if the browser was not admitted."""
@@ -177,7 +177,7 @@ class ServedConsole(Server):
         if self._found(token) is None:
             wait = self._wrong.take("")
             again = f"; wait {wait} s" if wait else ""
-            return _page(f"This is no token of this machine{again}.", 429 if wait else 401)
+            return _page(f"This token is not valid on this machine{again}.", 429 if wait else 401)
         cookie = secrets.token_urlsafe(32)
         self._let_in[cookie] = token
         answer = web.Response(status=303, headers={"Location": "/"})

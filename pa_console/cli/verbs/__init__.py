@@ -10,32 +10,26 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.main import get_group
 
 VERBS = {
-    "console": "Open the console: live checkpoint, policy browser, missions, trace and approval.",
-    "mission": "Plan, check, rehearse, judge, decide, execute and verify one mission, or a "
-    "situation's.",
-    "serve": "Serve a session on loopback: an HTTP interface (see /docs), or the console in a "
+    "console": "Open the console: live map, missions, approval, trace and policy browser.",
+    "mission": "Run one mission without the screen, or the missions of a situation.",
+    "serve": "Serve a session on this machine: as an HTTP API (see /docs), or as the console in a "
     "browser.",
-    "mcp": "Connect an agent over MCP, on stdin and stdout, to a running console; people decide.",
-    "replay": "Play LOG back in the console, verify it, run it again, or compare it with another "
-    "one.",
-    "sessions": "List the recorded sessions: what each was about, how it ended, whether its log is "
-    "sound.",
-    "doctor": "Look for everything that the console needs; exit code 0 when nothing is missing.",
-    "alert": "Send a test alert to everybody who would be alerted; exit code 1 when one is not "
-    "reached.",
-    "export": "Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
-    "rules": "List, search, check, lint, sign and compare rules, and trace what they did.",
-    "keys": "Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in "
-    "command.",
-    "models": "List and pull language models.",
-    "eval": "Run mission sets against models and variants of the pipeline; more below.",
+    "mcp": "Connect an agent to a running console over MCP (stdin and stdout); people decide.",
+    "replay": "Replay a session log in the console, verify it, simulate it again, or compare it.",
+    "sessions": "List the recorded sessions, or show one: missions, outcomes and state of the log.",
+    "doctor": "Check this machine for everything that the console needs.",
+    "alert": "Send a test alert to every receiver of alerts.",
+    "export": "Export a recorded session as Markdown, MCAP, SVG or asciinema cast.",
+    "rules": "List, search, check, lint, sign and compare rules, and trace their effects.",
+    "keys": "Manage the keys of a site, sign approvals, and put a station in command.",
+    "models": "List and download language models.",
+    "eval": "Evaluate models and variants of the pipeline on mission sets.",
     "scenarios": "List, show and check the situations of a world.",
-    "site": "Run the simulated checkpoint as a service on a message bus; more below.",
-    "tak": "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from "
-    "there.",
-    "world": "Generate a checkpoint world, make one from robots, or check one.",
+    "site": "Run the simulated checkpoint on a message bus, or create the files of a site.",
+    "tak": "Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target.",
+    "world": "Generate a world, build one from robots, or check one.",
     "settings": "Show, change and reset the settings.",
-    "manual": "Read the manual: list its pages, or show one of them.",
+    "manual": "List the pages of the manual, or show one.",
 }
 """The help of each verb, in order, equal to the docstring or help in its module.
 
@@ -116,7 +110,7 @@ def load_verb(name: str) -> Any:
         alone.command(name)(with_field_options(verb))
     _add_examples(alone)
     command = get_group(alone).commands[name]
-    _say_types(command)
+    _name_types(command)
     return command
 
 
@@ -135,10 +129,10 @@ class Verbs(TyperGroup):
         return name, load_verb(name) if name is not None else None, rest
 
 
-def _say_types(command: Any) -> None:
+def _name_types(command: Any) -> None:
     """Set the placeholder of each option below `command` to TEXT, NUMBER or PATH."""
     for below in getattr(command, "commands", {}).values():
-        _say_types(below)
+        _name_types(below)
     for option in command.params:
         kind = option.type_descriptor
         if isinstance(option, TyperOption) and not (option.metavar or kind.is_choice):

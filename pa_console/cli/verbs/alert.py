@@ -8,8 +8,8 @@ from pa_console.station.alarms.alerts import Message
 from pa_console.terminal.output import FAILED, out, print_json
 
 TEST = Message(
-    "PA Console: a test alert",
-    "Alerts of the console arrive here. Nothing has happened, and nobody has to act.",
+    "PA Console: test alert",
+    "PA Console can send alerts here. Nothing has happened; no action is needed.",
     None,
     later=True,
 )
@@ -18,9 +18,12 @@ TEST = Message(
 def alert(
     alert: AlertOption = None, alert_later: AlertLaterOption = None, json: JsonOption = False
 ) -> None:
-    """Send a test alert to everybody who would be alerted; exit code 1 when one is not reached."""
+    """Send a test alert to every receiver of alerts.
+
+    Exits with 1 if a receiver could not be reached.
+    """
     if not (alert or alert_later):
-        raise ValueError("nobody is to be alerted: give --alert URL, or set PA_CONSOLE_ALERT")
+        raise ValueError("no receiver of alerts: give --alert URL, or set PA_CONSOLE_ALERT")
     with naming_what_is_missing("alert", "alerts need"):
         from pa_console.observability.alert_delivery import receivers, try_all  # noqa: PLC0415 - only if used
 

@@ -21,14 +21,14 @@ class ConsoleOptions(AttendedOptions):
     """The options of a session with an operator."""
 
     readonly: Annotated[
-        bool, typer.Option("--readonly", help="Look only: every command is refused.")
+        bool, typer.Option("--readonly", help="Refuse every command in this console.")
     ] = False
     resume: Annotated[
         bool | None,
         typer.Option(
             "--resume/--new",
-            help="Go on with a session whose console ended without closing it, or begin a new one; "
-            "asked where neither is given.",
+            help="Resume a session whose console ended without closing it, or start a new one. "
+            "Default: ask.",
         ),
     ] = None
     mouse: MouseOption = True
@@ -42,22 +42,21 @@ def console(
         typer.Option(
             "--join",
             metavar="URL",
-            help="Watch the session of the station in command on a message bus, countersign what "
-            "takes two people, stop the team; nothing else is commanded from here. A commander "
-            "may take command.",
+            help="Join the session of the station in command on a message bus: watch it, "
+            "countersign plans that need two people, and stop the team. Other commands are "
+            "refused, but a commander may take command.",
         ),
     ] = "",
     plain: Annotated[
         bool,
         typer.Option(
-            "--plain", help="Lines and questions in place of a screen, as for a screen reader."
+            "--plain", help="Use lines of text instead of a screen, e.g. for a screen reader."
         ),
     ] = False,
 ) -> None:
-    """Open the console: live checkpoint, policy browser, missions, trace and approval.
+    """Open the console: live map, missions, approval, trace and policy browser.
 
-    With --join, the session of another station is shown; with --plain too, as lines, where Ctrl-C
-    leaves it and it goes on.
+    With --join, the console shows the session of another station, which continues when you leave.
     """
     if not plain and not sys.stdout.isatty() and DRIVER not in os.environ:
         raise ValueError(
@@ -70,14 +69,15 @@ def console(
     if join:
         if options.fleet or options.scenario or options.readonly or options.agents:
             raise ValueError(
-                "--join goes with --certificates, --world, --rules, --plain and --mouse alone"
+                "--join can be combined only with --certificates, --world, --rules, --plain and "
+                "--mouse"
             )
         from pa_console.cli.sessions.joined import joining  # noqa: PLC0415 - only if used
 
         with joining(join, options, settings) as joined:
             if not joined.show(settings, plain=plain):
                 return
-            with joined.told_unless_taken(), OpeningFrame(None) as frame:
+            with joined.reporting_unless_taken(), OpeningFrame(None) as frame:
                 from pa_console.cli.sessions.opening import open_console  # noqa: PLC0415 - only if used
 
                 taken = replace(options, fleet=[join])

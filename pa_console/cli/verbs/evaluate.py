@@ -72,11 +72,11 @@ TITLE_WORD = 9
 """The length from which words of a column's title may be broken, because model names are long."""
 
 app = typer.Typer(
-    help="Run mission sets against models and variants of the pipeline; more below.",
+    help="Evaluate models and variants of the pipeline on mission sets.",
     epilog="\b\nVariants:\n" + "\n".join(f"  {name}\n    {about}" for name, about in ABOUT.items()),
 )
 FolderArgument = Annotated[
-    Path | None, typer.Argument(help="Folder of an evaluation; the newest one when left out.")
+    Path | None, typer.Argument(help="Folder of an evaluation. Default: the newest one.")
 ]
 
 
@@ -102,7 +102,7 @@ class EvalProgress(LiveBar):
     def __enter__(self) -> Self:
         super().__enter__()
         if self._before:
-            errors.print(f"there already: {self._before} of {count(self._total, 'run')}")
+            errors.print(f"already done: {self._before} of {count(self._total, 'run')}")
         return self
 
     def add(self, record: RunRecord) -> None:
@@ -147,19 +147,19 @@ def _widths(table: ReportTable, width: int) -> list[int]:
     room = max(width - COLUMN_GAP * len(table.columns), len(table.columns))
     cells = [list(column) for column in zip(table.columns, *table.rows, strict=True)]
     whole = [max(len(cell) for cell in column) or 1 for column in cells]
-    found = [
+    widths = [
         max(
             max((len(word) for cell in column[1:] for word in cell.split()), default=1),
             *(min(len(word), TITLE_WORD) for word in column[0].split()),
         )
         for column in cells
     ]
-    while sum(found) > room:
-        found[found.index(max(found))] -= 1
-    while sum(found) < min(room, sum(whole)):
-        need = [full / here for full, here in zip(whole, found, strict=True)]
-        found[need.index(max(need))] += 1
-    return found
+    while sum(widths) > room:
+        widths[widths.index(max(widths))] -= 1
+    while sum(widths) < min(room, sum(whole)):
+        need = [full / here for full, here in zip(whole, widths, strict=True)]
+        widths[need.index(max(need))] += 1
+    return widths
 
 
 @app.callback(invoke_without_command=True)
@@ -168,7 +168,7 @@ def evaluate(
     missions: Annotated[
         list[str] | None,
         typer.Option(
-            help="A mission set: a file, or a name beside the world; repeatable.",
+            help="Mission set: a file, or the name of a set of the world. Repeatable.",
             autocompletion=completion.mission_sets,
         ),
     ] = None,
@@ -176,36 +176,38 @@ def evaluate(
         list[str] | None,
         typer.Option(
             "--model",
-            help="A model of the catalogue, or a GGUF file; repeatable.",
+            help="Model: a name from the catalogue or a GGUF file. Repeatable.",
             autocompletion=completion.models,
         ),
     ] = None,
     variant: Annotated[
-        list[str] | None, typer.Option(help="A variant of the pipeline; repeatable.")
+        list[str] | None, typer.Option(help="Variant of the pipeline. Repeatable.")
     ] = None,
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
-    repeat: Annotated[int, typer.Option(min=1, help="Simulation seeds 0, 1, ... of each run.")] = 1,
+    repeat: Annotated[
+        int, typer.Option(min=1, help="Repetitions of each run, with the seeds 0, 1, ...")
+    ] = 1,
     only: Annotated[
-        str, typer.Option(help="Only missions whose id or category contains this.")
+        str, typer.Option(help="Run only missions whose id or category contains this text.")
     ] = "",
     every: Annotated[
-        int, typer.Option(min=1, help="Only every n-th mission of each category.")
+        int, typer.Option(min=1, help="Run only every n-th mission of each category.")
     ] = 1,
     output: Annotated[
         Path | None,
-        typer.Option("--out", help="Folder of the results; one that has some is gone on with."),
+        typer.Option("--out", help="Folder for the results; an interrupted evaluation continues."),
     ] = None,
     jobs: Annotated[
         int,
-        typer.Option(min=1, help="Models side by side, sharing the cores: times mean less then."),
+        typer.Option(min=1, help="Runs in parallel, which share the cores and affect the times."),
     ] = 1,
     reuse: Annotated[
         bool,
         typer.Option(
             "--reuse/--no-reuse",
-            help="Answer a prompt that comes again, word for word, from memory (decoding is "
-            "greedy); the time that was measured for it counts again.",
+            help="Reuse the answer, and its measured time, if the same prompt comes again "
+            "(decoding is greedy).",
         ),
     ] = False,
     workers: WorkersOption = 0,
@@ -214,22 +216,22 @@ def evaluate(
     unsigned: UnsignedOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Run missions, score them on the true state, write runs.jsonl, report.md and report.html."""
+    """Run missions, score them on the true state, and write the runs and the reports."""
     if context.invoked_subcommand is not None:
         return
     site = load_site(world, rules, unsigned=unsigned)
     warn_of_altered(rules, site.rulebook.seal)
     if why := RulesPins().refusal(site.rulebook.name, site.rulebook.seal):
         errors.print_line(
-            f"this evaluation has rules of its own, which no mission would take: {why}",
+            f"warning: a session would refuse the rules of this evaluation: {why}",
             style="bold red",
         )
     one_of(jobs=jobs > 1, workers=bool(workers), scheduler=bool(scheduler))
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
     asked = model or [None]
-    found = [find_model(name, second_reader=reader) for name in asked]
-    models = {local.name: local for local in found}
+    local_models = [find_model(name, second_reader=reader) for name in asked]
+    models = {local.name: local for local in local_models}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
     wanted = [
@@ -249,7 +251,7 @@ def evaluate(
     began = perf_counter()
     try:
         if workers or scheduler:
-            names = {local.name: name for local, name in zip(found, asked, strict=True)}
+            names = {local.name: name for local, name in zip(local_models, asked, strict=True)}
             where = workers or scheduler
             made = _swept(results, planned, where, models, names, reader, reuse=reuse, logs=logs)
         else:
@@ -258,8 +260,8 @@ def evaluate(
     except KeyboardInterrupt:
         made = len(results.done & {job.run for job in planned})
         errors.print_line(
-            f"stopped: {made} of {count(len(planned), 'run')} kept; the same command with "
-            f"--out {folder} goes on"
+            f"stopped after {made} of {count(len(planned), 'run')}; to continue, run the same "
+            f"command with --out {folder}"
         )
         raise
     finally:
@@ -270,13 +272,13 @@ def evaluate(
 
 @app.command()
 def report(folder: FolderArgument = None, json: JsonOption = False) -> None:
-    """Write the report of an evaluation again and print its tables."""
+    """Write the report of an evaluation again, and print its tables."""
     _report(_chosen(folder), json=json)
 
 
 @app.command()
 def show(context: typer.Context, folder: FolderArgument = None) -> None:
-    """Open an evaluation in the console: its runs, what failed, and the trace of each."""
+    """Show an evaluation in the console: its runs, their failures and their traces."""
     chosen = _chosen(folder)
     read_runs(chosen)
     from pa_console.tui.app import show_evaluation  # noqa: PLC0415 - Textual is slow
@@ -288,7 +290,7 @@ def _chosen(folder: Path | None) -> Path:
     """Return `folder`, or the newest evaluation; raises ValueError if there is none."""
     chosen = folder or newest_evaluation()
     if chosen is None:
-        raise ValueError("there is no evaluation yet: run 'pa-console eval', or give a folder")
+        raise ValueError("no evaluation found; run 'pa-console eval', or give a folder")
     if not chosen.is_dir():
         raise ValueError(f"{chosen}: there is no such folder")
     return chosen
@@ -390,7 +392,7 @@ def _report(folder: Path, *, json: bool) -> None:
 
     records = read_runs(folder)
     if not records:
-        raise ValueError(f"{folder}: there is no run here yet; pa-console eval makes some")
+        raise ValueError(f"{folder}: no completed runs; make some with 'pa-console eval'")
     tables, files = build_tables(records), (PAGE, MARKDOWN)
     if missing := missing_library("matplotlib", "eval", f"{' and '.join(files)} need"):
         errors.print_line(missing, style="yellow")

@@ -37,7 +37,7 @@ LEAST, MOST = (40, 10), (400, 200)
 """The smallest and the largest screen, in columns and rows."""
 
 app = typer.Typer(
-    help="Write a recorded session as Markdown, MCAP, SVG or asciinema cast.",
+    help="Export a recorded session as Markdown, MCAP, SVG or asciinema cast.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -46,7 +46,7 @@ app = typer.Typer(
 LogArgument = Annotated[
     Path,
     typer.Argument(
-        help="A session log (JSONL), a session of 'pa-console sessions' by its id, or 'last'.",
+        help="Session: a log file (JSONL), an id from 'pa-console sessions', or 'last'.",
         autocompletion=completion.sessions,
     ),
 ]
@@ -59,15 +59,15 @@ def opened(context: typer.Context, log: Path) -> OpenedSession:
         session = open_session(log)
     if session.recording.problem is not None:
         errors.print_line(
-            f"note: only what comes before this is exported: {session.recording.problem}",
+            f"note: only the log before this line is exported: {session.recording.problem}",
             style="yellow",
         )
     return session
 
 
-def written(target: Path, what: str) -> None:
+def written(target: Path, content: str) -> None:
     """Print the place and the content of the export."""
-    out.print_line(f"{target}: {what}")
+    out.print_line(f"{target}: {content}")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class FilmOptions:
     """The options of every export that shows the replayed console."""
 
     mission: Annotated[
-        str | None, typer.Option(help="Only the time from this mission's arrival to its end.")
+        str | None, typer.Option(help="Export only this mission, from its arrival to its end.")
     ] = None
     first: Annotated[
         float, typer.Option("--from", min=0.0, help="Begin at this second of the session.")
@@ -95,16 +95,16 @@ class FilmOptions:
 def svg(
     context: typer.Context,
     log: LogArgument,
-    target: Annotated[Path, typer.Option("--out", "-o", help="The folder to make.")],
+    target: Annotated[Path, typer.Option("--out", "-o", help="Folder to write.")],
     at: Annotated[
         list[str] | None,
         typer.Option(
-            help="A kind of event after which a picture is taken; repeatable. Without it: "
+            help="Take a picture after each event of this kind. Repeatable. Default: "
             + ", ".join(DEFAULT_KINDS)
         ),
     ] = None,
     every: Annotated[
-        float | None, typer.Option(min=0.1, help="A picture every so many seconds instead.")
+        float | None, typer.Option(min=0.1, help="Take a picture every so many seconds instead.")
     ] = None,
     *,
     film: FilmOptions,
@@ -120,12 +120,14 @@ def svg(
     )
     from pa_console.session.recording import Player  # noqa: PLC0415
 
-    known = [kind for kind in KINDS if kind != "telemetry"]
+    kinds = [kind for kind in KINDS if kind != "telemetry"]
     for kind in at or ():
-        if kind not in known:
-            raise ValueError(f"--at {kind}: no such kind of event; known: {', '.join(known)}")
+        if kind not in kinds:
+            raise ValueError(
+                f"--at {kind}: unknown kind of event; the kinds are: {', '.join(kinds)}"
+            )
     if at and every is not None:
-        raise ValueError("--at and --every exclude each other")
+        raise ValueError("give only one of --at and --every")
     screen = size_of(film.size)
     session = opened(context, log)
     span = span_of(session, film)
@@ -135,7 +137,7 @@ def svg(
         else shots_at(session.recording, at or DEFAULT_KINDS, *span)
     )
     if not shots:
-        raise ValueError(f"{log}: no event of these kinds; try --at another, or --every")
+        raise ValueError(f"{log}: no event of these kinds; choose another kind, or use --every")
     site = site_of(session.started, film.world, film.rules)
     player = Player(session.recording)
     with TransientBar("filming", len(shots)) as bar, whole_folder(target) as folder:
@@ -154,10 +156,10 @@ def cast(
     log: LogArgument,
     target: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     speed: Annotated[
-        float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds in one second.")
+        float, typer.Option(min=0.01, max=1000.0, help="Recorded seconds per second.")
     ] = 4.0,
     fps: Annotated[
-        float, typer.Option(min=0.1, max=30.0, help="Most pictures in one second.")
+        float, typer.Option(min=0.1, max=30.0, help="Maximum number of frames per second.")
     ] = 4.0,
     *,
     film: FilmOptions,
@@ -190,11 +192,11 @@ def cast(
 
 def size_of(text: str) -> tuple[int, int]:
     """Return columns and rows; raises ValueError if the size is not valid."""
-    found = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):
         raise ValueError(
-            f"--size {text}: a size is COLUMNSxROWS, e.g. 120x36, from {LEAST[0]}x{LEAST[1]} to "
+            f"--size {text}: give COLUMNSxROWS, e.g. 120x36, from {LEAST[0]}x{LEAST[1]} to "
             f"{MOST[0]}x{MOST[1]}"
         )
     return size
@@ -216,7 +218,7 @@ def span_of(session: OpenedSession, film: FilmOptions) -> tuple[float, float]:
         last = min(last, recording.timeline.seconds[of_it[-1]])
     if last < first:
         raise ValueError(
-            f"nothing to film from {first:g} s to {last:g} s; the session lasts {duration:.1f} s"
+            f"nothing to show from {first:g} s to {last:g} s; the session lasts {duration:.1f} s"
         )
     return first, last
 
@@ -233,36 +235,36 @@ def markdown(
     log: LogArgument,
     mission: Annotated[
         str | None,
-        typer.Option(help="Id of one mission; without it, the whole session as a shift report."),
+        typer.Option(help="Mission to export. Default: the whole session, as a shift report."),
     ] = None,
     target: Annotated[
-        Path | None, typer.Option("--out", "-o", help="The file; without it, standard output.")
+        Path | None, typer.Option("--out", "-o", help="File to write. Default: stdout.")
     ] = None,
     rules: SessionRulesOption = None,
 ) -> None:
-    """Write a session as GitHub Markdown, a shift report with every mission's trace, or one trace.
+    """Write a session as GitHub Markdown: a shift report with all traces, or one mission's trace.
 
-    The report begins with what is left open. Prompts, answers and rules that were not broken are
-    folded away.
+    The report begins with the open items. Prompts, answers and rules that were not broken are
+    collapsed.
     """
     session = opened(context, log)
-    known, note = rules_of(session.started, rules)
+    texts, note = rules_of(session.started, rules)
     beside = target.parent if target is not None else Path()
     stills = Path(os.path.relpath(stills_folder(session.recording.path or log), beside)).as_posix()
     problem = session.recording.problem
     notes = tuple(text for text in (note, str(problem) if problem else "") if text)
     if mission is None:
-        what, document = "shift report", session_document(session, known, notes, stills)
+        content, document = "shift report", session_document(session, texts, notes, stills)
     else:
         trace = choose_mission(session.final_state().missions, mission)
-        what = f"mission {trace.mission.id}"
-        document = mission_document(trace, session.started, known, notes, stills)
+        content = f"mission {trace.mission.id}"
+        document = mission_document(trace, session.started, texts, notes, stills)
     if target is None:
         print_document(document)
         return
     with whole_file(target, log) as file:
         file.write(visible(document).encode())
-    written(target, what)
+    written(target, content)
 
 
 @app.command("mcap")
@@ -274,9 +276,8 @@ def mcap(
 ) -> None:
     """Write the whole session as MCAP, for Foxglove, Rerun and the mcap tools.
 
-    /telemetry has the pictures, /events/KIND every other event, /notices the event list and
-    /scene the checkpoint in 3D. Needs the extra `mcap`; without it, the error
-    says how to install it.
+    The topic /telemetry has the pictures, /events/KIND the other events, /notices the event list
+    and /scene the checkpoint in 3D. This verb needs the extra `mcap`.
     """
     session = opened(context, log)
     site = world_of(session.started, world)

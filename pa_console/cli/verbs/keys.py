@@ -45,7 +45,7 @@ ACTS = {
 }
 
 app = typer.Typer(
-    help="Make, list, enrol, revoke and rotate the keys of a site; sign; put a station in command.",
+    help="Manage the keys of a site, sign approvals, and put a station in command.",
     no_args_is_help=True,
 )
 
@@ -71,49 +71,55 @@ PassphraseOption = Annotated[
 ]
 BusOption = Annotated[
     str,
-    typer.Option("--fleet", metavar="URL", help="Tell vehicles and stations on this bus at once."),
+    typer.Option("--fleet", metavar="URL", help="Publish to vehicles and stations on this bus."),
 ]
 
 
 @app.command()
 def make(
     name: Annotated[
-        str | None, typer.Argument(help="Whose key; default: the user of this machine.")
+        str | None, typer.Argument(help="Person that the key is for. Default: the current user.")
     ] = None,
     role: Annotated[
-        RoleOption, typer.Option(help="The role of one more person of a site; the owner gives it.")
+        RoleOption, typer.Option(help="Role of a person who is added to a site.")
     ] = RoleOption.operator,
     station: Annotated[
-        str | None, typer.Option(help="The name of this station; default: that of the machine.")
+        str | None, typer.Option(help="Name of this station. Default: the name of this machine.")
     ] = None,
     join: Annotated[
         str | None,
-        typer.Option(metavar="KEY", help="Join the site of this owner's key; it has to enrol you."),
+        typer.Option(
+            metavar="KEY", help="Join the site with this owner's key, who must enrol you."
+        ),
     ] = None,
     passphrase: PassphraseOption = False,
 ) -> None:
-    """Make the keys of a new site, of one more person of it, or of a station that joins one.
+    """Make the keys of a new site, of another person, or of a station that joins a site.
 
-    A new site has an owner, this station, which is in command, and one commander.
+    A new site has an owner, one commander, and this station, which is in command.
     """
     folder = KeyFolder(ask=ask_passphrase)
     person = name or _plain(getpass.getuser())
-    its = station or _plain(platform.node().partition(".")[0])
+    own_station = station or _plain(platform.node().partition(".")[0])
     if join is not None:
-        own, other = folder.join(person, its, _public(join), _new_passphrase(wanted=passphrase))
-        out.print("The owner of the site has to enrol both:")
+        own, other = folder.join(
+            person, own_station, _public(join), _new_passphrase(wanted=passphrase)
+        )
+        out.print("Ask the owner of the site to enrol both keys:")
         enrol = f"pa-console keys enrol person {person} {own} --role {role.value}"
         out.print_line(enrol)
-        out.print_line(f"pa-console keys enrol station {its} {other}")
+        out.print_line(f"pa-console keys enrol station {own_station} {other}")
         return
     if folder.made:
         if name is None:
-            raise ValueError(f"{folder.path}: there are keys already; see pa-console keys list")
+            raise ValueError(
+                f"{folder.path}: there are keys already; list them with 'pa-console keys list'"
+            )
         folder.make_person(person, role.value, _new_passphrase(wanted=passphrase))
         _show(folder)
         return
     rules = _enrolled(open_rules("checkpoint")[0])
-    folder.make_site(person, its, dict((rules,)), _new_passphrase(wanted=passphrase))
+    folder.make_site(person, own_station, dict((rules,)), _new_passphrase(wanted=passphrase))
     out.print_line(f"keys: {folder.path}")
     _show(folder)
 
@@ -124,7 +130,7 @@ def list_keys(
 ) -> None:
     """List people, stations and rule sets of the site, the station in command, and revoked keys.
 
-    With --fleet, newer messages on the bus are taken from there first.
+    With --fleet, newer messages are fetched from the bus first.
     """
     folder = KeyFolder()
     with on_bus(folder, fleet, certificates):
@@ -134,21 +140,21 @@ def list_keys(
 
 @app.command()
 def enrol(
-    kind: Annotated[RosterEntryKind, typer.Argument(help="What is enrolled.")],
-    name: Annotated[str, typer.Argument(help="A person, a station, or a rule file.")],
-    key: Annotated[
-        str | None, typer.Argument(help="The public key of a person or station.")
-    ] = None,
-    role: Annotated[RoleOption, typer.Option(help="The role of a person.")] = RoleOption.operator,
+    kind: Annotated[RosterEntryKind, typer.Argument(help="Kind of entry.")],
+    name: Annotated[str, typer.Argument(help="Person, station or rule file.")],
+    key: Annotated[str | None, typer.Argument(help="Public key of the person or station.")] = None,
+    role: Annotated[RoleOption, typer.Option(help="Role of the person.")] = RoleOption.operator,
     fleet: BusOption = "",
     certificates: CertificatesOption = None,
 ) -> None:
-    """Take a person, a station or a rule set into the roster, which the owner's key signs.
+    """Add a person, a station or a rule set to the roster, and sign it with the owner's key.
 
-    Of rule sets of one name vehicles take the one that was enrolled last.
+    If several rule sets have the same name, vehicles use the one that was enrolled last.
     """
     if key is None and kind is not RosterEntryKind.rules:
-        raise ValueError(f"give the public key of the {kind.value}, which 'keys make' has printed")
+        raise ValueError(
+            f"give the public key of the {kind.value}, which 'pa-console keys make' prints"
+        )
     with _changing(fleet, certificates) as folder:
         if key is None:
             folder.enrol_rules(*_enrolled(open_rules(name)[0]))
@@ -160,36 +166,36 @@ def enrol(
 
 @app.command()
 def revoke(
-    name: Annotated[str, typer.Argument(help="A person or a station.")],
+    name: Annotated[str, typer.Argument(help="Person or station.")],
     fleet: BusOption = "",
     certificates: CertificatesOption = None,
 ) -> None:
-    """Revoke the key of a person or station for ever."""
+    """Revoke the key of a person or a station permanently."""
     with _changing(fleet, certificates) as folder:
         folder.revoke(name)
 
 
 @app.command()
 def rotate(
-    name: Annotated[str, typer.Argument(help="A person or a station with a key on this machine.")],
+    name: Annotated[str, typer.Argument(help="Person or station with a key on this machine.")],
     passphrase: PassphraseOption = False,
     fleet: BusOption = "",
     certificates: CertificatesOption = None,
 ) -> None:
-    """Make a new key for a person or station, and revoke the one before."""
+    """Replace the key of a person or a station, and revoke the old key."""
     with _changing(fleet, certificates) as folder:
         folder.rotate(name, _new_passphrase(wanted=passphrase))
 
 
 @app.command()
 def takeover(
-    station: Annotated[str, typer.Argument(help="The station that is in command from now on.")],
+    station: Annotated[str, typer.Argument(help="Station to put in command.")],
     fleet: BusOption = "",
     certificates: CertificatesOption = None,
 ) -> None:
-    """Put a station in command; a commander's key signs the next epoch.
+    """Put a station in command, signed with the key of a commander.
 
-    Vehicles that have heard of it take nothing of the station before.
+    Vehicles that receive the change accept no more commands from the previous station.
     """
     with _changing(fleet, certificates) as folder:
         folder.take_over(station)
@@ -215,7 +221,7 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
                 "revocation": trust.revocation,
                 "epoch": trust.takeover.epoch,
                 "keys": [vars(row) for row in rows],
-                "rules": {sha: vars(its) for sha, its in roster.rules.items()},
+                "rules": {sha: vars(rule_set) for sha, rule_set in roster.rules.items()},
             }
         )
         return
@@ -224,14 +230,16 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
         here = "yes" if row.here else "no"
         table.add_row(row.kind, row.name, row.role, row.state, here, fingerprint(row.key))
     out.print(table)
-    for sha, its in roster.rules.items():
-        asked = approvals_in_words(its.approvals)
-        more = f"; people who must approve: {asked}" if asked else ""
-        out.print_line(f"rules {its.name} {sha[:12]}{more}")
+    for sha, rule_set in roster.rules.items():
+        asked = approvals_in_words(rule_set.approvals)
+        more = f"; required approvals: {asked}" if asked else ""
+        out.print_line(f"rules {rule_set.name} {sha[:12]}{more}")
     out.print_line(f"roster {roster.serial}; {trust.in_command}")
     if trust.takeover.station in trust.revoked:
-        told = "no vehicle moves until another station is in command: pa-console keys takeover NAME"
-        errors.print(told, style="bold red")
+        errors.print(
+            "no vehicle moves until another station is in command: pa-console keys takeover NAME",
+            style="bold red",
+        )
 
 
 def _new_passphrase(*, wanted: bool) -> str:
@@ -253,7 +261,7 @@ def _plain(name: str) -> str:
 
 def _public(key: str) -> str:
     if not is_public_key(key):
-        raise ValueError(f"{key!r} is no public key: 64 hexadecimal digits")
+        raise ValueError(f"{key!r} is not a public key, which has 64 hexadecimal digits")
     return key
 
 
@@ -277,31 +285,29 @@ def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[
     link = StationLink(address, name, SIGNED, claim_credentials(address, certificates, STATION))
     try:
         if not link.wait_connected(CONNECT_S):
-            raise ValueError(f"no broker lets us in at {address}: {link.problem}")
-        found = SignedMessages(folder.take)
+            raise ValueError(f"cannot connect to the broker at {address}: {link.problem}")
+        messages = SignedMessages(folder.take)
         for delivery in take_retained(link):
             if isinstance(delivery.message, SignedMessage) and delivery.topic.identity == TRUST:
-                found.hear(delivery.message.message)
+                messages.hear(delivery.message.message)
         yield
         newest = folder.newest
         link.publish(*signed_messages(address.site, newest, Numbers(), datetime.now(UTC)))
     finally:
         link.close()
-    errors.print_line(f"retained at {address}: {', '.join(newest)}")
+    errors.print_line(f"published at {address}: {', '.join(newest)}")
 
 
 @app.command()
 def sign(
     file: Annotated[
-        Path, typer.Argument(help="What GET /v1/plans/ID/approval has answered; - for the input.")
+        Path, typer.Argument(help="File with the answer of GET /v1/plans/ID/approval; - for stdin.")
     ],
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Sign without the question, where it was read before.")
-    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Sign without asking.")] = False,
 ) -> None:
-    """Sign a plan that takes two people, with your own key, on a machine without its session.
+    """Countersign a plan with your own key, on a machine that does not run its session.
 
-    It shows what you approve and asks; then it prints the body of POST /v1/plans/ID/signatures.
+    The verb shows the plan, asks you, and prints the body for POST /v1/plans/ID/signatures.
     """
     unsigned = _read_approval(file)
     approval = unsigned.approval
@@ -321,7 +327,7 @@ def _read_approval(file: Path) -> UnsignedApproval:
     else:
         text = read_bytes(file)
     if len(text) > MOST_BYTES:
-        raise DocumentError(name, 0, "", "this is longer than an answer of /v1/plans/ID/approval")
+        raise DocumentError(name, 0, "", "too long for an answer of GET /v1/plans/ID/approval")
     try:
         answer: Any = json.loads(text)
         if isinstance(answer, dict) and "to_sign" not in answer and "detail" in answer:
@@ -331,10 +337,10 @@ def _read_approval(file: Path) -> UnsignedApproval:
         raise DocumentError(name, 0, "to_sign", f"{error}; nothing was signed") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DocumentError(
-            name, 0, "to_sign", "this is no answer of GET /v1/plans/ID/approval, which has it"
+            name, 0, "to_sign", "missing or invalid; give the answer of GET /v1/plans/ID/approval"
         ) from error
     if unsigned.ends < time.time():
-        raise DocumentError(name, 0, "to_sign", "this approval has expired; ask for it again")
+        raise DocumentError(name, 0, "to_sign", "this approval has expired; request it again")
     return unsigned
 
 
@@ -347,12 +353,12 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
     until = datetime.fromtimestamp(unsigned.ends, UTC)
     lines = [
         f"{approval.person} approves, at the station "
-        f"{station or f'{approval.station[:12]} (not in the roster that is here)'}:",
+        f"{station or f'{approval.station[:12]} (not in the roster of this machine)'}:",
         *(f"  {order}" for order in approval.orders),
         *(f"  {ACTS.get(act, act)}" for act in approval.acts),
         f"plan {approval.request}, SHA-256 {approval.plan[:12]}; session {approval.session}",
         f"checked by the rules {rules.name if rules else approval.rules[:12]}",
-        f"good until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of what is signed {unsigned.sha256}",
+        f"valid until {until:%Y-%m-%d %H:%M:%S} UTC; SHA-256 of the signed text {unsigned.sha256}",
     ]
     for line in lines:
         errors.print_line(visible_line(line))
@@ -361,5 +367,7 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
 def _agreed(file: Path) -> bool:
     """Return the answer to a question on the terminal; raises ValueError without a terminal."""
     if str(file) == "-" or not sys.stdin.isatty():
-        raise ValueError("nobody can be asked here; give a file on a terminal, or --yes")
+        raise ValueError(
+            "signing needs a confirmation; give a file and run this on a terminal, or use --yes"
+        )
     return typer.confirm("Sign this?", default=False, err=True)

@@ -19,16 +19,16 @@ def manual(
     topic: Annotated[
         str | None,
         typer.Argument(
-            help="A page of the manual; without one they are listed.",
+            help="Page to show. Default: list all pages.",
             autocompletion=completion.manual_pages,
         ),
     ] = None,
     plain: Annotated[
-        bool, typer.Option("--plain", help="Print the page's Markdown as it is, without a pager.")
+        bool, typer.Option("--plain", help="Print the page as Markdown source, without a pager.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Read the manual: list its pages, or show one of them."""
+    """List the pages of the manual, or show one."""
     if topic is None:
         _list(load_manual().pages, json)
     else:
@@ -39,7 +39,7 @@ def _list(pages: tuple[Page, ...], json: bool) -> None:
     if json:
         print_json([_about(page) for page in pages])
         return
-    table = Table("page", "what it is about", box=None, pad_edge=False)
+    table = Table("page", "contents", box=None, pad_edge=False)
     for page in pages:
         table.add_row(page.name, page.summary)
     out.print(table)

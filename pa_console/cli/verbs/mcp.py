@@ -23,12 +23,12 @@ def mcp(
         typer.Option(
             "--join",
             metavar="URL",
-            help="The console whose session it joins: one opened with --agents 8766 is at "
-            "http://127.0.0.1:8766/mcp. PA_CONSOLE_AGENT_TOKEN has the token.",
+            help="Console to connect to: with --agents 8766 it is at http://127.0.0.1:8766/mcp. "
+            "Set PA_CONSOLE_AGENT_TOKEN to the token.",
         ),
     ] = "",
     name: Annotated[
-        str, typer.Option("--name", help="Without --join: the name of the agent.")
+        str, typer.Option("--name", help="Name of the agent, without --join.")
     ] = "agent",
     world: WorldOption = "checkpoint",
     rules: RulesOption = "checkpoint",
@@ -36,10 +36,10 @@ def mcp(
     scenario: ScenarioOption = None,
     seed: SeedOption = 0,
 ) -> None:
-    """Connect an agent over MCP, on stdin and stdout, to a running console; people decide.
+    """Connect an agent to a running console over MCP (stdin and stdout); people decide.
 
-    Without --join, a session of its own is simulated: proposals are read, checked, rehearsed and
-    judged, and none is carried out.
+    Without --join, the agent gets a separate simulated session: its proposals are read, checked,
+    rehearsed and judged, but never carried out.
     """
     settings = settings_of(context, "world", "rules", "model")
     options = SessionOptions(

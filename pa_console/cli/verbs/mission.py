@@ -28,10 +28,10 @@ class MissionOptions(SessionOptions):
         bool | None,
         typer.Option(
             "--alarms/--no-alarms",
-            help="Alarms become missions by themselves; on by default with --scenario.",
+            help="Queue a mission for each alarm automatically. Default: only with --scenario.",
         ),
     ] = None
-    log: Annotated[Path | None, typer.Option(help="Where to write the session log.")] = None
+    log: Annotated[Path | None, typer.Option(help="File for the session log.")] = None
     stepped: bool = True
 
 
@@ -40,7 +40,7 @@ def mission(
     text: Annotated[
         str | None,
         typer.Argument(
-            help="The mission, in plain language; not needed with --scenario.",
+            help="Mission in plain language; optional with --scenario.",
             autocompletion=completion.words_of_mission,
         ),
     ] = None,
@@ -49,16 +49,17 @@ def mission(
     approve: Annotated[
         Approve,
         typer.Option(
-            help="ask: on the terminal; auto: what the safeguards allow and is read without doubt."
+            help="ask: ask on the terminal; auto: approve what the safeguards allow and was read "
+            "with confidence; never: reject."
         ),
     ] = Approve.ask,
     override_reason: Annotated[
-        str, typer.Option(help="With --approve auto: override a judge's Failure, for this reason.")
+        str, typer.Option(help="With --approve auto: reason to override the judge's Failure.")
     ] = "",
     event: Annotated[
         list[str] | None,
         typer.Option(
-            help="Set-up before the mission, as YAML; repeatable. "
+            help="Event to simulate before the mission, as YAML. Repeatable. "
             "Example: '{kind: spawn, gate: WestGate, distance_m: 60}'"
         ),
     ] = None,
@@ -67,12 +68,15 @@ def mission(
         typer.Option(
             metavar="NUMBER",
             min=1,
-            help="Where the order is asked back about, take the choice of this number.",
+            help="If the console asks what the order means, take the choice with this number.",
         ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Plan, check, rehearse, judge, decide, execute and verify one mission, or a situation's."""
+    """Run one mission without the screen, or the missions of a situation.
+
+    Each mission is planned, checked, rehearsed, judged, approved, executed and verified.
+    """
     from pa_console.cli.sessions.mission import run_mission  # noqa: PLC0415 - not needed for help
     from pa_console.cli.sessions.observing import observing  # noqa: PLC0415
 

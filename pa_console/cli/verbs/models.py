@@ -14,12 +14,12 @@ from pa_console.llm.models.catalogue import Catalog, ModelEntry
 from pa_console.llm.models.fetching import pull as fetch
 from pa_console.terminal.output import errors, out, print_json
 
-app = typer.Typer(help="List and pull language models.", no_args_is_help=True)
+app = typer.Typer(help="List and download language models.", no_args_is_help=True)
 
 
 @app.command("list")
 def list_models(json: JsonOption = False) -> None:
-    """List the models of the catalogue and whether each is on this machine."""
+    """List the models in the catalogue and whether they are on this machine."""
     catalog = Catalog.load()
     if json:
         print_json([_row(catalog, entry) for entry in catalog.models])
@@ -28,7 +28,7 @@ def list_models(json: JsonOption = False) -> None:
     table.add_column("model", no_wrap=True)
     table.add_column("size", no_wrap=True, justify="right")
     table.add_column("here", min_width=8)
-    table.add_column("what it is", ratio=1)
+    table.add_column("description", ratio=1)
     for entry in catalog.models:
         name = f"{entry.name}\n(default)" if entry.name == catalog.default else entry.name
         about = f"{entry.title}, {entry.quantisation}, {entry.licence}. {entry.notes}".strip()
@@ -44,7 +44,7 @@ def _here(entry: ModelEntry) -> str:
         return "no"
     if entry.how is None:
         return "yes"
-    made = "prepared" if entry.prepared_file is not None else "to be prepared"
+    made = "prepared" if entry.prepared_file is not None else "not prepared yet"
     return f"yes, {entry.how} {made}"
 
 
@@ -62,7 +62,7 @@ def pull(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="A model of the catalogue; default: the default one.",
+            help="Model in the catalogue. Default: the one the console uses by default.",
             autocompletion=completion.models,
         ),
     ] = None,
@@ -70,35 +70,37 @@ def pull(
         bool,
         typer.Option(
             "--with-second-reader",
-            help="Fetch too the model that reads an order again of which this one is unsure.",
+            help="Also download the model that reads an order again if this one is unsure of it.",
         ),
     ] = False,
     fetch_only: Annotated[
         bool,
         typer.Option(
             "--fetch-only",
-            help="Leave weights as they came; the next pull or the console converts them.",
+            help="Do not convert the weights; the next pull or the console does.",
         ),
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Fetch a model into the user's cache: resumable, and kept only if its hash is right.
+    """Download a model to the user's cache, verify its hash, and convert its weights if needed.
 
-    Weights that the catalogue wants in another type are converted at once.
+    An interrupted download continues where it stopped.
     """
     catalog = Catalog.load()
     entry = catalog.get(name or catalog.default)
     if with_reader and not entry.second_reader:
-        raise ValueError(f"{entry.name} has no second reader; leave out --with-second-reader")
+        raise ValueError(f"{entry.name} has no second reader; omit --with-second-reader")
     entries = [entry, catalog.get(entry.second_reader)] if with_reader else [entry]
-    fetched = [_fetch(one, prepare=not fetch_only) for one in entries]
+    fetched = [_fetch(model, prepare=not fetch_only) for model in entries]
     if json:
-        print_json(fetched[0].told if len(fetched) == 1 else [one.told for one in fetched])
+        print_json(
+            fetched[0].document if len(fetched) == 1 else [model.document for model in fetched]
+        )
         return
-    for one in fetched:
-        out.print_line(str(one.path))
-        if one.note:
-            errors.print(one.note)
+    for model in fetched:
+        out.print_line(str(model.path))
+        if model.note:
+            errors.print(model.note)
 
 
 class _ReadyModel(NamedTuple):
@@ -106,7 +108,7 @@ class _ReadyModel(NamedTuple):
 
     path: Path
     note: str
-    told: dict[str, Any]
+    document: dict[str, Any]
 
 
 def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
@@ -117,17 +119,17 @@ def _fetch(entry: ModelEntry, *, prepare: bool) -> _ReadyModel:
         DownloadColumn(),
         TimeRemainingColumn(),
     )
-    told = ""
+    note = ""
     with Progress(*columns, console=errors) as bar:
         task = bar.add_task(entry.name, total=entry.size_mb * 1_000_000)
 
         def progress(done: int, total: int, text: str) -> None:
-            nonlocal told
-            told = text
+            nonlocal note
+            note = text
             bar.update(task, completed=done, total=total, description=f"{entry.name}: {text}")
 
         fetched = fetch(entry, progress)
-        hash_note = told if entry.sha256 is None else ""
+        hash_note = note if entry.sha256 is None else ""
         path, sha256 = fetched, entry.sha256
         if prepare:
             path, sha256 = entry.ready_file(fetched, progress)

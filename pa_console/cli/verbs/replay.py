@@ -15,29 +15,27 @@ def replay(
     log: Annotated[
         Path | None,
         typer.Argument(
-            help="A session log (JSONL), or a session of 'pa-console sessions' by its id.",
+            help="Session: a log file (JSONL) or an id from 'pa-console sessions'.",
             autocompletion=completion.sessions,
         ),
     ] = None,
-    last: Annotated[
-        bool, typer.Option("--last", help="The session that was recorded last.")
-    ] = False,
+    last: Annotated[bool, typer.Option("--last", help="Use the most recent session.")] = False,
     check: Annotated[
         bool,
         typer.Option(
             "--verify",
-            help="Check the hash chain, the signatures and the signed head, name the first bad "
-            "line and what was done to it; then run the session again.",
+            help="Verify the hash chain, the signatures and the signed head, and report the first "
+            "bad line and its damage. Then simulate the session again.",
         ),
     ] = False,
     chain_only: Annotated[
-        bool, typer.Option("--chain-only", help="With --verify: do not run the session again.")
+        bool, typer.Option("--chain-only", help="With --verify: do not simulate again.")
     ] = False,
     key: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --verify: the fingerprint of a key that may have signed, besides this "
-            "machine's; repeatable."
+            help="With --verify: fingerprint of another trusted key, besides this machine's. "
+            "Repeatable."
         ),
     ] = None,
     unsigned: Annotated[
@@ -46,21 +44,22 @@ def replay(
     witness: Annotated[
         Path | None,
         typer.Option(
-            help="With --verify: the file of a witness; names the first head that it has seen and "
-            "the log no longer has."
+            help="With --verify: file of a witness; the first head that it received and the log "
+            "lacks is reported."
         ),
     ] = None,
     again: Annotated[
         bool,
         typer.Option(
             "--resimulate",
-            help="Only run the session again: its telemetry, the rehearsals of its plans and what "
-            "the rules say of them must come out equal; name what does not.",
+            help="Only simulate the session again, and report each difference in telemetry, "
+            "rehearsals or rule findings.",
         ),
     ] = False,
     world: SessionWorldOption = None,
     scenario: Annotated[
-        str | None, typer.Option("--scenario", help="The session's situation, when it is a file.")
+        str | None,
+        typer.Option("--scenario", help="Scenario file of the session, if it is not installed."),
     ] = None,
     rules: SessionRulesOption = None,
     other: Annotated[
@@ -68,25 +67,25 @@ def replay(
         typer.Option(
             "--compare",
             metavar="LOG",
-            help="Find the first event in which LOG tells something else, and what differs; leaves "
-            "with 0 when both tell the same and with 1 when not.",
+            help="Report the first event that differs in LOG, and its differences. Exits with 1 if "
+            "the sessions differ.",
         ),
     ] = None,
     screen: Annotated[
-        bool, typer.Option("--screen", help="With --compare: show both at that point, on a screen.")
+        bool, typer.Option("--screen", help="With --compare: show both sessions on a screen.")
     ] = False,
     mouse: MouseOption = True,  # noqa: ARG001 - one of the settings
     json: JsonOption = False,
 ) -> None:
-    """Play LOG back in the console, verify it, run it again, or compare it with another one.
+    """Replay a session log in the console, verify it, simulate it again, or compare it.
 
-    --verify leaves with 0 only when every line is vouched for by a known key and the session came
-    out equal, with 2 when the log or its head was damaged, and with 1 when it is sound but not all
-    signed, or could not be run again to the same end.
+    --verify exits with 0 if every line is signed with a trusted key and the simulation agrees with
+    the log. It exits with 2 if the log or its signed head is damaged, and with 1 if the log is
+    sound but not completely signed, or if the simulation fails or differs.
     """
     if last == (log is not None):
         raise ValueError(
-            "give a session log, or --last for the session that was recorded last. "
+            "give a session log, or --last for the most recent session. "
             "See 'pa-console replay --help'."
         )
     from pa_console.cli.sessions import recorded  # noqa: PLC0415 - not needed for help

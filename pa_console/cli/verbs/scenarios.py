@@ -29,7 +29,7 @@ app = typer.Typer(no_args_is_help=True, help="List, show and check the situation
 
 @app.command("list")
 def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
-    """List the situations that lie beside the world file."""
+    """List the situations of a world."""
     _, path = open_world(world)
     situations = list_scenarios(path)
     if json:
@@ -45,12 +45,12 @@ def list_(world: WorldOption = "checkpoint", json: JsonOption = False) -> None:
 def show(
     name: Annotated[
         str,
-        typer.Argument(help="Name of a situation, or a file.", autocompletion=completion.scenarios),
+        typer.Argument(help="Situation: a name or a file.", autocompletion=completion.scenarios),
     ],
     world: WorldOption = "checkpoint",
     json: JsonOption = False,
 ) -> None:
-    """Show what happens in a situation, and when."""
+    """Show what happens in a situation and when."""
     loaded, path = open_world(world)
     scenario = open_scenario(loaded, path, name).scenario
     if json:
@@ -67,22 +67,22 @@ def show(
         table.add_row(when + delay, incident_truth_in_words(event.do))
     for drawn in scenario.random:
         for incident in drawn.do:
-            when = f"now and then, {drawn.mean_s:g} s apart"
+            when = f"at random, {drawn.mean_s:g} s apart on average"
             table.add_row(when, incident_truth_in_words(incident))
     out.print(table)
 
 
 @app.command("check")
 def check_scenario(
-    file: Annotated[Path, typer.Argument(help="A scenario file.")],
+    file: Annotated[Path, typer.Argument(help="Scenario file.")],
     world: WorldOption = "checkpoint",
 ) -> None:
-    """Check a scenario file against a world; errors name line and field."""
+    """Check a scenario file against a world; errors name the line and the field."""
     loaded, path = open_world(world)
     scenario = open_scenario(loaded, path, str(file)).scenario
     out.print_line(
         f"{file}: ok, {count(len(scenario.events), 'event')}, "
-        f"{count(len(scenario.random), 'random kind')}"
+        f"{count(len(scenario.random), 'kind')} of random event"
     )
 
 

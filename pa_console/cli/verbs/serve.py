@@ -28,31 +28,32 @@ def serve(
     context: typer.Context,
     options: AttendedOptions,
     port: Annotated[
-        int, typer.Option(min=0, max=65_535, help="The port of this machine; 0 for a free one.")
+        int, typer.Option(min=0, max=65_535, help="Local port to serve on; 0 picks a free one.")
     ] = PORT,
     web: Annotated[
-        bool, typer.Option("--web", help="Serve the console itself, for a browser, in its place.")
+        bool, typer.Option("--web", help="Serve the console for a browser instead of the API.")
     ] = False,
     make_token: Annotated[
         RoleName | None,
-        typer.Option("--make-token", help="Make a token of this role, show it once, and leave."),
+        typer.Option("--make-token", help="Create a token with this role, print it, and exit."),
     ] = None,
     person: Annotated[
         str | None,
         typer.Option(
-            help="Whose token is made, or the name of a proposing agent; default: the user of this "
-            "machine."
+            help="With --make-token: person or agent that the token is for. Default: the current "
+            "user."
         ),
     ] = None,
-    tokens: Annotated[
-        bool, typer.Option("--tokens", help="List the tokens that were made, and leave.")
-    ] = False,
+    tokens: Annotated[bool, typer.Option("--tokens", help="List the tokens and exit.")] = False,
     revoke_token: Annotated[
-        str | None, typer.Option(metavar="ID", help="Revoke a token, and leave.")
+        str | None, typer.Option(metavar="ID", help="Revoke the token with this id and exit.")
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Serve a session on loopback: an HTTP interface (see /docs), or the console in a browser."""
+    """Serve a session on this machine: as an HTTP API (see /docs), or as the console in a browser.
+
+    Other machines cannot connect.
+    """
     from pa_console.cli.sessions import tokens as token_verbs  # noqa: PLC0415 - not needed for help
 
     if make_token is not None:

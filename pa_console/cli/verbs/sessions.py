@@ -35,17 +35,17 @@ def sessions(
     session: Annotated[
         str | None,
         typer.Argument(
-            help="Show one: a session's id, how it begins, 'last', or a log file.",
+            help="Session to show: an id or its beginning, 'last', or a log file. Default: list.",
             autocompletion=completion.sessions,
         ),
     ] = None,
     most: Annotated[
-        int, typer.Option("--most", min=1, help="List at most so many, the newest first.")
+        int, typer.Option("--most", min=1, help="List at most this many, the newest first.")
     ] = MOST,
     everything: Annotated[bool, typer.Option("--all", help="List every session.")] = False,
     json: JsonOption = False,
 ) -> None:
-    """List the recorded sessions: what each was about, how it ended, whether its log is sound."""
+    """List the recorded sessions, or show one: missions, outcomes and state of the log."""
     folder = settings_of(context).values.logs or default_folder()
     if session is not None:
         log = find_session(folder, session)
@@ -58,12 +58,12 @@ def sessions(
         print_json(list(map(_document, summaries, sound)))
         return
     if not summaries:
-        out.print_line(f"no session was recorded in {folder} yet")
+        out.print_line(f"no recorded sessions in {folder}")
         return
     out.print(_table(summaries, sound))
     more = len(newest_logs(folder)) - len(summaries)
     if more > 0 and not everything:
-        out.print(f"{more} more logs; --all lists them", style="dim")
+        out.print(f"{count(more, 'more log')}; list them with --all", style="dim")
 
 
 def _table(summaries: list[SessionSummary], sound: list[Soundness]) -> Table:
@@ -101,11 +101,11 @@ def _show(log: Path, reference: str, json: bool) -> None:
         print_json(_document(summary, standing))
         return
     mark = status_of("log", standing.standing)
-    never = "not yet" if standing.standing == "running" else "its log was never closed"
+    never = "not yet" if standing.standing == "running" else "no, the log was not closed"
     rows = (
         ("Session", summary.session),
         ("Title", summary.title),
-        ("Begun", summary.local_start),
+        ("Started", summary.local_start),
         ("Length", clock_text(summary.length_s)),
         ("World", f"{summary.world}, rules {summary.rules}, seed {summary.seed}"),
         ("Scenario", summary.scenario or "none"),
@@ -128,7 +128,7 @@ def _show(log: Path, reference: str, json: bool) -> None:
         missions.add_row(mission.id, Text(outcome.text, COLOURS[outcome.tone]), text)
     if summary.missions:
         out.print(missions)
-    out.print_line(f"\nPlay it back: pa-console replay {reference}")
+    out.print_line(f"\nReplay it with: pa-console replay {reference}")
 
 
 def _document(summary: SessionSummary, standing: Soundness) -> dict[str, Any]:

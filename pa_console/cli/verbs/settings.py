@@ -21,14 +21,14 @@ from pa_console.terminal.output import out, print_json
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Show, change and reset the settings. Sources, the first wins: command line (an option, "
-    "or --set NAME=VALUE before the verb), environment (PA_CONSOLE_...), the settings file, the "
-    "defaults.",
+    help="Show, change and reset the settings. A setting is taken from the first source that has "
+    "it: the command line (an option, or --set NAME=VALUE before the verb), the environment "
+    "(PA_CONSOLE_...), the settings file, the defaults.",
 )
 NameArgument = Annotated[
     str,
     typer.Argument(
-        help="A setting, or keys.ACTION; 'settings show' lists them.",
+        help="Setting, or keys.ACTION; 'pa-console settings show' lists them.",
         autocompletion=completion.settings,
     ),
 ]
@@ -36,13 +36,13 @@ NameArgument = Annotated[
 
 @app.command()
 def show(context: typer.Context, json: JsonOption = False) -> None:
-    """Show every setting: its value, where that comes from, and what it means."""
+    """Show every setting with its value, the source of the value, and a description."""
     loaded = load_settings(read_assignments(given_words(context)))
     wrong = _problems(loaded)
     if json:
         print_json({"file": str(loaded.path), "settings": _rows(loaded), "problems": wrong})
         raise typer.Exit(2 if wrong else 0)
-    table = Table("setting", "value", "from", "what it is", box=None, pad_edge=False)
+    table = Table("setting", "value", "source", "description", box=None, pad_edge=False)
     for name, about in describe_settings().items():
         origin, value = loaded.origin(name), getattr(loaded.values, name)
         if name == "keys":
@@ -53,7 +53,7 @@ def show(context: typer.Context, json: JsonOption = False) -> None:
         texts = (name, value_text(value), place, about.help + limits)
         table.add_row(*(Text(text, overflow="fold") for text in texts))
     out.print(table)
-    there = "" if loaded.document is not None else " (not there yet)"
+    there = "" if loaded.document is not None else " (does not exist yet)"
     out.print_line(f"\nfile: {loaded.path}{there}")
     for problem in wrong:
         out.print_line(f"problem: {problem}", style="bold red")
@@ -86,22 +86,22 @@ def _problems(loaded: LoadedSettings) -> list[str]:
 
 @app.command()
 def path() -> None:
-    """Print where the settings file is; PA_CONSOLE_SETTINGS names another one."""
+    """Print the path of the settings file, which PA_CONSOLE_SETTINGS overrides."""
     out.print_line(str(settings_file()))
 
 
 @app.command("set")
 def set_(
     name: NameArgument,
-    value: Annotated[str, typer.Argument(help="The value; empty goes back to the default.")],
+    value: Annotated[str, typer.Argument(help="Value; an empty one restores the default.")],
 ) -> None:
-    """Write one setting into the file, once it is found to be right; comments there stay."""
+    """Check a setting and write it to the file; comments in the file are kept."""
     _write(name, value)
 
 
 @app.command()
 def unset(name: NameArgument) -> None:
-    """Take one setting out of the file, back to its default."""
+    """Remove a setting from the file, so that its default applies."""
     _write(name, "")
 
 
@@ -110,26 +110,26 @@ def _write(name: str, text: str) -> None:
     from pa_console.tui.screens.settings import choices, to_write  # noqa: PLC0415
 
     name = name if name.startswith("keys.") else name.replace("-", "_")
-    known = {choice.id: choice for choice in choices()}
-    if name not in known:
-        raise ValueError(f"there is no setting {name!r}; known: {', '.join(known)}")
+    settings = {choice.id: choice for choice in choices()}
+    if name not in settings:
+        raise ValueError(f"unknown setting {name!r}; the settings are: {', '.join(settings)}")
     loaded = load_settings()
     try:
-        field, value = to_write(loaded, known[name], text)
+        field, value = to_write(loaded, settings[name], text)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
     save_setting(loaded.path, field, value)
-    done = f"{name} is {text}" if text.strip() else f"{name} is back to its default"
+    done = f"{name} is now {text}" if text.strip() else f"{name} has its default value again"
     out.print_line(f"{loaded.path}: {done}")
     origin = load_settings().origin(field)
     if origin.source == "environment":
-        out.print(f"note: {origin.place} is set and wins over the file")
+        out.print(f"note: the environment variable {origin.place} overrides the file")
 
 
 @app.command()
 def reset() -> None:
-    """Go back to the defaults; the old file is kept beside it as a backup."""
+    """Restore all defaults; the old file is kept as a backup."""
     file = settings_file()
     backup = reset_settings(file)
-    said = f"moved to {backup}" if backup is not None else "there is none: defaults are in force"
-    out.print_line(f"{file}: {said}")
+    result = f"moved to {backup}" if backup is not None else "does not exist; the defaults apply"
+    out.print_line(f"{file}: {result}")

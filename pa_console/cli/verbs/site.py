@@ -40,7 +40,9 @@ MOST_MACHINE_NAME = 40
 The common name of a certificate, which begins with a role, has at most 64 characters.
 """
 
-app = typer.Typer(help="Run the simulated checkpoint as a service on a message bus; more below.")
+app = typer.Typer(
+    help="Run the simulated checkpoint on a message bus, or create the files of a site.",
+)
 
 
 @app.callback(invoke_without_command=True)
@@ -48,31 +50,33 @@ def site(
     context: typer.Context,
     broker: Annotated[
         str,
-        typer.Option("--broker", metavar="URL", help="Where the broker is, and the site on it."),
+        typer.Option("--broker", metavar="URL", help="Address of the broker and the site."),
     ] = f"mqtt://127.0.0.1/{INTERFACE}",
     certificates: CertificatesOption = None,
     embedded_broker: Annotated[
         bool,
         typer.Option(
-            "--embedded-broker", help="Start a broker too, for this machine alone, to try it out."
+            "--embedded-broker", help="Also start a broker, for tests on this machine only."
         ),
     ] = False,
     world: WorldOption = "checkpoint",
     scenario: ScenarioOption = None,
     seed: SeedOption = 0,
     rate: Annotated[
-        float, typer.Option("--rate", min=0.1, max=100.0, help="Simulated seconds a second.")
+        float, typer.Option("--rate", min=0.1, max=100.0, help="Simulated seconds per second.")
     ] = 1.0,
     paced: Annotated[
-        bool, typer.Option("--paced", help="Stand still until the station moves on: for scripts.")
+        bool, typer.Option("--paced", help="Let the station advance the time, for scripts.")
     ] = False,
 ) -> None:
-    """Run the simulated checkpoint as a service: one VDA 5050 vehicle an asset, until Ctrl-C."""
+    """Run the simulated checkpoint, with a VDA 5050 vehicle for each asset, until Ctrl-C."""
     if context.invoked_subcommand is not None:
         return
     address = BrokerAddress.parse(broker)
     if embedded_broker and address.tls:
-        raise ValueError("--embedded-broker has no certificates; give --broker mqtt://127.0.0.1")
+        raise ValueError(
+            "--embedded-broker has no encryption; use it with --broker mqtt://127.0.0.1"
+        )
     folder = certificate_folder(address, certificates)
 
     def let_in(name: str) -> Credentials | None:
@@ -88,14 +92,14 @@ def site(
         paced=paced,
         rate=rate,
         verify=vehicles.verify if vehicles is not None else anybody,
-        take=_telling(vehicles) if vehicles is not None else lambda _message: None,
+        take=_reporting_changes(vehicles) if vehicles is not None else lambda _message: None,
         credentials=let_in,
     )
     checkpoint = Checkpoint(loaded, seed, played)
     endable = EndableRun()
     with end_signals(endable.end), run_broker(address.port) if embedded_broker else nullcontext():
         errors.print_line(
-            f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; Ctrl-C ends it"
+            f"{loaded.title}: {count(len(loaded.assets), 'asset')} at {address}; stop with Ctrl-C"
         )
         endable.run(SimulatedSite(checkpoint, address, options).run())
     if endable.ended_by:
@@ -104,36 +108,43 @@ def site(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="Where to write; what is there stays.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder to write; existing certificates are kept.")
+    ],
     world: WorldOption = "checkpoint",
     robot: Annotated[
         list[str] | None,
-        typer.Option(help="Another robot that gets a certificate, by serial number; repeatable."),
+        typer.Option(help="Serial number of another robot to certify. Repeatable."),
     ] = None,
     host: Annotated[
         list[str] | None,
-        typer.Option(help="A name or address of the broker's machine; repeatable."),
+        typer.Option(help="Host name or address of the broker. Repeatable."),
     ] = None,
     station: Annotated[
         list[str] | None,
         typer.Option(
-            help="Another machine that may take command; a folder of that name in FOLDER has its "
-            "certificates; repeatable."
+            help="Name of another machine that may take command. Repeatable. Its certificates are "
+            "written to FOLDER/NAME."
         ),
     ] = None,
     joined: Annotated[
         list[str] | None,
-        typer.Option(help="Another machine that joins a session alone; likewise; repeatable."),
+        typer.Option(
+            help="Name of another machine that may only join a session. Repeatable. Its "
+            "certificates are written to FOLDER/NAME."
+        ),
     ] = None,
-    name: Annotated[str, typer.Option("--site", help="The name of the site.")] = INTERFACE,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535)] = PORTS["mqtts"],
+    name: Annotated[str, typer.Option("--site", help="Name of the site.")] = INTERFACE,
+    port: Annotated[
+        int, typer.Option("--port", min=1, max=65535, help="Port of the broker.")
+    ] = PORTS["mqtts"],
 ) -> None:
-    """Make an authority, certificates, an access list and a configuration for Mosquitto."""
+    """Create certificates with their authority, and an access list and settings for Mosquitto."""
     loaded, _ = open_world(world)
     for serial in robot or ():
         _check_name("--robot", serial)
         if serial in RESERVED:
-            raise ValueError(f"--robot {serial}: the site itself has this name")
+            raise ValueError(f"--robot {serial}: this name is reserved; choose another")
     machines = Machines(tuple(station or ()), tuple(joined or ()))
     for machine in machines.stations:
         _check_name("--station", machine, MOST_MACHINE_NAME)
@@ -165,16 +176,16 @@ def _vehicles(world: World) -> Vehicles | None:
     return Vehicles(world.assets, folder.owner, folder.messages, time.time)
 
 
-def _telling(vehicles: Vehicles) -> Callable[[str], None]:
+def _reporting_changes(vehicles: Vehicles) -> Callable[[str], None]:
     """Return a callback that passes signed messages to `vehicles`, and reports changes."""
-    told = vehicles.in_command
+    reported = vehicles.in_command
 
     def take(message: str) -> None:
-        nonlocal told
+        nonlocal reported
         why = vehicles.take(message)
-        line = f"a signed message changes nothing: {why}" if why else vehicles.in_command
-        if line != told:
-            told = line
+        line = f"ignored a signed message: {why}" if why else vehicles.in_command
+        if line != reported:
+            reported = line
             errors.print_line(visible(line))
 
     return take
@@ -186,5 +197,6 @@ def _check_name(option: str, name: str, most: int = 64) -> None:
         if len(TypeAdapter[str](Name).validate_python(name)) <= most:
             return
     raise ValueError(
-        f"{option} {name}: up to {most} letters, digits and _ after a letter, such as Robot_T03"
+        f"{option} {name}: give at most {most} letters, digits and _, beginning with a letter, "
+        "such as Robot_T03"
     )

@@ -8,13 +8,13 @@ from pa_console.resources import naming_what_is_missing
 
 
 def tak(context: typer.Context, options: FollowOptions) -> None:
-    """Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target; nothing is taken from there.
+    """Show a session on TAK maps (ATAK, WinTAK) as Cursor on Target.
 
-    It lasts until the session ends, or Ctrl-C.
+    Data from the TAK server is ignored. The verb runs until the session ends or you press Ctrl-C.
     """
     if bool(options.join) == bool(options.replay):
         raise ValueError(
-            "give --join URL for a live session, or --replay SESSION for a recorded one"
+            "give either --join URL for a live session or --replay SESSION for a recorded one"
         )
     settings = settings_of(context)
     with naming_what_is_missing("tak", "TAK maps need"):

@@ -18,25 +18,25 @@ from pa_console.sim.worlds.world_generator import generate_world, world_yaml
 from pa_console.terminal.output import errors, out, print_document
 
 app = typer.Typer(
-    no_args_is_help=True, help="Generate a checkpoint world, make one from robots, or check one."
+    no_args_is_help=True, help="Generate a world, build one from robots, or check one."
 )
 OutOption = Annotated[
-    Path | None, typer.Option("--out", "-o", help="File to write; stdout when left out.")
+    Path | None, typer.Option("--out", "-o", help="File to write. Default: stdout.")
 ]
-ForceOption = Annotated[bool, typer.Option("--force", help="Write over an existing file.")]
+ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
 
 
 @app.command()
 def generate(
     gates: Annotated[int, typer.Option("--gates", help="Number of gates.")] = 4,
     assets: Annotated[int, typer.Option("--assets", help="Number of assets.")] = 8,
-    seed: Annotated[int, typer.Option("--seed", help="Equal seeds give equal worlds.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Seed; equal seeds give equal worlds.")] = 0,
     output: OutOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Generate a valid world: other gates, shapes and teams for every seed."""
+    """Generate a valid world, whose gates, shapes and team depend on the seed."""
     _refuse_existing(output, force=force)
-    with errors.status(f"laying out {count(gates, 'gate')} and {count(assets, 'asset')}"):
+    with errors.status(f"placing {count(gates, 'gate')} and {count(assets, 'asset')}"):
         made = generate_world(gates, assets, seed)
     _write(made, output, "")
 
@@ -49,7 +49,7 @@ def from_robots(
         typer.Option(
             "--fleet",
             metavar="URL",
-            help="A link with robots on it, such as ros2:ADDRESS; repeatable. Nothing is sent.",
+            help="Link to robots, such as ros2:ADDRESS. Repeatable. No command is sent.",
         ),
     ],
     world: WorldOption = "checkpoint",
@@ -57,8 +57,8 @@ def from_robots(
         list[str] | None,
         typer.Option(
             metavar="NAME=X,Y[,KIND]",
-            help="A place in metres, in place of those of --world; repeatable. KIND is gate, post "
-            "or base; one base and a gate are needed.",
+            help="Place in metres, which replaces the places of --world. Repeatable. KIND is gate, "
+            "post or base; one base and at least one gate are needed.",
         ),
     ] = None,
     map_file: Annotated[
@@ -66,13 +66,13 @@ def from_robots(
         typer.Option(
             "--map",
             metavar="FILE",
-            help="The map.yaml of a robot's occupancy map (ROS map server, PGM) as background.",
+            help="Background: map.yaml of a robot's occupancy map (ROS map server, PGM).",
         ),
     ] = None,
     output: OutOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Write a world with the robots that are on these links, and their map as its background."""
+    """Build a world from the robots on these links, with their map as the background."""
     from pa_console.fleets import newcomers  # noqa: PLC0415
     from pa_console.fleets.newcomers import survey  # noqa: PLC0415 - only with robots
     from pa_console.sim.worlds.occupancy_map import read_occupancy_map  # noqa: PLC0415
@@ -86,15 +86,15 @@ def from_robots(
     elif background is not None:
         base = base.model_copy(update={"background": background})
     present: set[str] = set()
-    found: dict[str, FoundRobot] = {}
+    robots: dict[str, FoundRobot] = {}
     for url in fleet:
-        with errors.status(f"looking at {url}"):
+        with errors.status(f"looking for robots at {url}"):
             seen = survey(open_listener(url, None, base, settings_of(context).values))
         errors.print_line(seen.in_words())
         present |= seen.reports.keys()
-        found |= {robot.name: robot for robot in seen.found}
-    made, told = newcomers.world_of_robots(base, present | found.keys(), found.values())
-    for line in told:
+        robots |= {robot.name: robot for robot in seen.found}
+    made, notices = newcomers.world_of_robots(base, present | robots.keys(), robots.values())
+    for line in notices:
         errors.print_line(line)
     options = " ".join(f"--fleet {url}" for url in fleet)
     _write(made, output, f" {options}")
@@ -103,7 +103,7 @@ def from_robots(
 def _refuse_existing(output: Path | None, *, force: bool) -> None:
     """Raise ValueError if the file exists and may not be overwritten."""
     if output is not None and output.exists() and not force:
-        raise ValueError(f"{output} exists; give another name, or --force to write over it")
+        raise ValueError(f"{output} exists; choose another name, or overwrite it with --force")
 
 
 def _write(world: World, output: Path | None, options: str) -> None:
@@ -126,11 +126,11 @@ def check(
     world: Annotated[
         str,
         typer.Argument(
-            help="A world: an installed name, a folder or a file.", autocompletion=completion.worlds
+            help="World: an installed name, a folder or a file.", autocompletion=completion.worlds
         ),
     ],
 ) -> None:
-    """Check a world file; errors name line and field."""
+    """Check a world file; errors name the line and the field."""
     from pa_console.sim.checkpoint import Checkpoint  # noqa: PLC0415 - scenarios need no pymunk
 
     loaded, path = open_world(world)
@@ -142,4 +142,4 @@ def check(
         f"{count(len(loaded.cameras), 'camera')}"
     )
     if bare:
-        out.print(f"gates that nobody covers at the start: {', '.join(bare)}")
+        out.print(f"gates not covered at the start: {', '.join(bare)}")

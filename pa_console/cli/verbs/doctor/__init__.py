@@ -26,7 +26,7 @@ def doctor(
         Path | None,
         typer.Option(
             "--certificates",
-            help="Look at the broker's configuration in this folder of 'pa-console site init' too.",
+            help="Also check the broker's configuration in this folder of 'pa-console site init'.",
         ),
     ] = None,
     fleet: Annotated[
@@ -34,21 +34,24 @@ def doctor(
         typer.Option(
             "--fleet",
             metavar="URL",
-            help="Look at the robots on this link too, such as ros2:ADDRESS; nothing is commanded.",
+            help="Also check the robots on this link, such as ros2:ADDRESS. No command is sent.",
         ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Look for everything that the console needs; exit code 0 when nothing is missing."""
-    with errors.status("looking") as status:
+    """Check this machine for everything that the console needs.
+
+    Exits with 1 if something is missing.
+    """
+    with errors.status("checking") as status:
         checks = [machine.check_broker(certificates)] if certificates is not None else []
         values = machine.load_or_default()[0].values
         for url in fleet or ():
-            status.update(f"looking at {url}, {LOOK_S:g} s at most")
+            status.update(f"checking {url}, at most {LOOK_S:g} s")
             checks.append(machine.check_link(url, values, certificates))
         for check in _checks(status.update):
             checks.append(check)
-            status.update(f"looked at {check.name}")
+            status.update(f"checked {check.name}")
     missing = [check.name for check in checks if check.state == "missing"]
     if json:
         print_json({"ok": not missing, "checks": checks})
@@ -70,7 +73,7 @@ def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
     yield from models.check_model(named.own or "")
     yield from models.check_servers(named, loaded.values)
     yield models.check_load()
-    tell(f"measuring the model's speed, {models.LIMIT_S:g} s at most")
+    tell(f"measuring the speed of the model, at most {models.LIMIT_S:g} s")
     yield models.check_speed(named.own or "")
     yield models.check_confinement()
     yield from machine.check_folders(loaded)

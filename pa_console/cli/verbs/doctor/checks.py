@@ -68,7 +68,7 @@ class Check:
 def check_python() -> Check:
     """Check the version of Python."""
     found, good = f"{sys.version.split()[0]} in {sys.prefix}", sys.version_info >= (3, 11)
-    return Check.graded("Python", good, found, "install 3.11 or newer", "missing")
+    return Check.graded("Python", good, found, "install Python 3.11 or newer", "missing")
 
 
 def check_build_tools() -> Iterator[Check]:
@@ -80,8 +80,8 @@ def check_build_tools() -> Iterator[Check]:
         ("CMake", ("cmake",), "cmake"),
     ):
         path = next((path for item in commands if item and (path := shutil.which(item))), "")
-        needed = "; llama.cpp has to be built"
-        found = path or f"none{', and none is needed: llama.cpp is built' if built else needed}"
+        need = "not needed, llama.cpp is built" if built else "needed to build llama.cpp"
+        found = path or f"not found; {need}"
         remedy = f"install it, e.g. on Debian and Ubuntu: apt install {package}"
         yield Check.graded(name, bool(path) or built, found, remedy, "missing")
 
@@ -107,7 +107,7 @@ def check_libraries() -> Iterator[Check]:
 
 def _check_library(name: str, asked: str, modules: list[str]) -> Check:
     command = python_command("-m", "pip", "install", "--force-reinstall", asked)
-    remedy = f"install it again: {shlex.join(command)}"
+    remedy = f"reinstall it: {shlex.join(command)}"
     try:
         number = version(name)
     except PackageNotFoundError:
@@ -137,7 +137,7 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
     """Return the settings and their check; if the settings are not valid, the defaults."""
     from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
-    remedy = "correct it, or go back to the defaults: pa-console settings reset"
+    remedy = "correct it, or restore the defaults: pa-console settings reset"
     try:
         loaded = load_settings()
     except DocumentError as error:
@@ -145,9 +145,9 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
     if wrong := [str(loaded.error(field, why)) for field, why in problems(loaded.values)]:
         return loaded, Check("settings", "missing", "; ".join(wrong), remedy)
     if unknown := unknown_variables():
-        why = f"nothing reads {', '.join(unknown)}"
-        return loaded, Check("settings", "warning", why, "see 'pa-console settings show'")
-    there = "" if loaded.document is not None else ", not there: the defaults are in force"
+        problem = f"unknown variables: {', '.join(unknown)}"
+        return loaded, Check("settings", "warning", problem, "see 'pa-console settings show'")
+    there = "" if loaded.document is not None else " does not exist; the defaults apply"
     return loaded, Check("settings", "ok", f"{loaded.path}{there}")
 
 
@@ -171,24 +171,25 @@ def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
 
 def check_sessions(folder: Path) -> Check:
     """Check that every session in the index in `folder` exists, complete and unchanged."""
-    name, remedy = "session logs", "bring them back from a copy; --verify of a log tells more"
+    name = "session logs"
+    remedy = "restore them from a backup; for details: pa-console replay LOG --verify"
     try:
         index = check_index(folder, known_keys())
     except (LogError, SigningError) as error:
-        return Check(name, "warning", str(error), "look at that file")
-    whole = f"{count(len(index.sessions), 'session')} in the index, none is lost"
+        return Check(name, "warning", str(error), "check that file")
+    whole = f"{count(len(index.sessions), 'session')} in the index, none missing"
     problems = "; ".join(index.all_problems)
     return Check.graded(name, not problems, problems or whole, remedy)
 
 
 def check_folder(name: str, folder: Path, field: str) -> Check:
     """Check that a folder can be written and has free space; `field` selects another folder."""
-    remedy = f"give yourself the right to write there, or choose another one: {field}"
+    remedy = f"make it writable, or choose another folder: {field}"
     if why := unwritable(folder):
         return Check(name, "missing", f"{folder}: {why}", remedy)
     free_mb = shutil.disk_usage(nearest_existing(folder)).free // 1_000_000
     found = f"{folder}, {free_mb} MB free"
-    remedy = f"make room there, or choose another one: {field}"
+    remedy = f"free some space, or choose another folder: {field}"
     bad: State = "warning" if free_mb else "missing"
     return Check.graded(name, free_mb >= LEAST_FREE_MB, found, remedy, bad)
 
@@ -199,17 +200,17 @@ def check_broker(folder: Path) -> Check:
     try:
         lacks = unbound(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError):
-        found = f"no {CONFIGURATION} in {folder}: look on the machine of the broker"
+        found = f"no {CONFIGURATION} in {folder}: run this check on the machine of the broker"
         return Check("broker", "warning", found)
     if not lacks:
-        return Check("broker", "ok", f"{file}: client ids are the names in certificates")
+        return Check("broker", "ok", f"{file}: client ids are tied to certificates")
     found = (
-        f"{file} lacks '{', '.join(lacks)}': any robot can connect with the client id of another "
-        "one, which then misses its stops"
+        f"{file} lacks '{', '.join(lacks)}': a robot could connect with the client id of another "
+        "robot, which would then miss its stops"
     )
     remedy = (
-        f"pa-console site init {folder}, with the --site, --port and --world that it was made "
-        "with (certificates stay), then start the broker again"
+        f"run 'pa-console site init {folder}' with the same --site, --port and --world as before "
+        "(certificates are kept), then restart the broker"
     )
     return Check("broker", "missing", found, remedy)
 
@@ -224,11 +225,11 @@ def check_schemes() -> Iterator[Check]:
         except ModuleNotFoundError as error:
             found = f"not installed ({error.name} is missing)"
             if point in OWN:
-                found += f"; {install_hint(scheme)} adds it"
+                found += f"; to add it: {install_hint(scheme)}"
             yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
         except Exception as error:  # a package from elsewhere may raise any error
             found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
-            yield Check(f"link {scheme}", "warning", found, "ask who made it, or uninstall it")
+            yield Check(f"link {scheme}", "warning", found, "contact its author, or uninstall it")
         else:
             yield Check(f"link {scheme}", "ok", point.value)
 
@@ -242,10 +243,11 @@ def check_link(url: str, settings: Settings, certificates: Path | None = None) -
     except (ValueError, DocumentError) as error:
         return Check(name, "missing", str(error), "see 'pa-console manual connect-a-robot'")
     if seen.problem:
-        return Check(name, "missing", seen.in_words(), "see its address and the network")
-    remedy = "switch on what is silent; see its names" if seen.silent or not seen.agents else ""
+        return Check(name, "missing", seen.in_words(), "check its address and the network")
+    lacking = seen.silent or not seen.agents
+    remedy = "switch on the silent robots, and check their names" if lacking else ""
     if any(finding.consequence for finding in seen.findings):
-        remedy = remedy or "see the table: set the robot up as it says, and start it again"
+        remedy = remedy or "set up the robot as the table shows, and restart it"
     state: State = "warning" if remedy else "ok"
     return Check(name, state, seen.in_words(), remedy, seen.findings)
 
@@ -253,8 +255,8 @@ def check_link(url: str, settings: Settings, certificates: Path | None = None) -
 def check_terminal() -> Iterator[Check]:
     """Check the terminal: its size, its colours and its characters."""
     if not sys.stdout.isatty():
-        remedy = "run doctor in the terminal that the console is to run in"
-        yield Check("terminal", "warning", "output goes to no terminal", remedy)
+        remedy = "run doctor in the terminal where you use the console"
+        yield Check("terminal", "warning", "output is not a terminal", remedy)
         return
     size = shutil.get_terminal_size()
     yield check_size(size.columns, size.lines)
@@ -266,15 +268,15 @@ def check_size(columns: int, lines: int) -> Check:
     """Check that the console fits on the terminal."""
     good = columns >= COMFORTABLE[0] and lines >= COMFORTABLE[1]
     bad: State = "missing" if columns < LEAST[0] or lines < LEAST[1] else "warning"
-    remedy = "make it 80 x 24 at least, 100 x 30 for all panes"
+    remedy = "use at least 80 x 24, or 100 x 30 for all panes"
     return Check.graded("terminal size", good, f"{columns} x {lines}", remedy, bad)
 
 
 def check_colours(system: str | None, plain: bool) -> Check:
     """Check the terminal's colours; with `plain`, none are wanted."""
     if plain:
-        return Check("colours", "ok", "none, as NO_COLOR asks")
-    remedy = "export TERM=xterm-256color, and COLORTERM=truecolor if it has them"
+        return Check("colours", "ok", "none, because NO_COLOR is set")
+    remedy = "export TERM=xterm-256color, and COLORTERM=truecolor if the terminal supports it"
     return Check.graded("colours", system in ("256", "truecolor"), system or "none", remedy)
 
 

@@ -48,7 +48,7 @@ from pa_console.sim.checkpoint import Checkpoint
 from pa_console.station.assembly import load_site
 
 SECOND_READER = "second reader"
-PINNED = "SHA-256 as the catalogue pins it"
+PINNED = "SHA-256 matches the catalogue"
 WORK_MB = 500
 """The memory for the console and both models' processes, without weights; 400 were measured."""
 MEMORY = Path("/proc/meminfo")
@@ -75,7 +75,7 @@ def check_model(name: str) -> Iterator[Check]:
         catalog = Catalog.load()
         entry = catalog.get(name or catalog.default)
     except (ModelError, DocumentError) as error:
-        yield Check("model", "missing", str(error), "choose another: pa-console models list")
+        yield Check("model", "missing", str(error), "choose another model: pa-console models list")
         return
     yield check_files(entry)
     needed_mb = _loaded_mb(entry)
@@ -90,14 +90,16 @@ def check_files(entry: ModelEntry) -> Check:
     """Check every loaded file of a model against its pinned hash."""
     path, pull = entry.local_file, f"pa-console models pull {entry.name}"
     if path is None:
-        return Check("model", "missing", f"{entry.name} is not here ({entry.size_mb} MB)", pull)
+        return Check(
+            "model", "missing", f"{entry.name} is not downloaded ({entry.size_mb} MB)", pull
+        )
     try:
         digest = entry.check(path)
         adapters = check_adapters(entry.name, entry.adapters)
     except (ModelError, OSError) as error:
         return Check("model", "missing", str(error), f"rm '{path}'; {pull}")
     known = entry.sha256 is not None
-    parts = [f"{path}: {PINNED if known else 'no hash is known that it could be held against'}"]
+    parts = [f"{path}: {PINNED if known else 'not verified, the catalogue has no hash'}"]
     if entry.how is not None:
         good, words = _prepared(entry, entry.how, digest)
         if not good:
@@ -105,32 +107,32 @@ def check_files(entry: ModelEntry) -> Check:
         parts.append(words)
     if files := {item.path for item in adapters}:
         parts.append(f"{count(len(files), 'adapter')}: {PINNED}")
-    remedy = "choose a model of the catalogue that has one"
+    remedy = "choose a model with a hash in the catalogue"
     return Check.graded("model", known, f"{entry.name}: {'; '.join(parts)}", remedy)
 
 
 def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[bool, str]:
     """Return whether the prepared file is valid or not made yet, and the reason in words."""
     path, pin = entry.prepared_file, entry.pin(how)
-    held = "the catalogue's pin" if pin else "no pin: this machine's key signs its hash then"
     if path is None:
-        return True, f"{how} weights: made at the first start, held against {held}"
+        then = "compared with the catalogue's hash" if pin else "signed with this machine's key"
+        return True, f"{how} weights: prepared at the first start and {then}"
     if pin:
         digest = hash_file(path)
         if digest == pin:
-            return True, f"{path}, which is loaded: {PINNED} for {how}"
+            return True, f"{path}, the loaded file: {PINNED} for {how}"
         return False, (
-            f"{path}: not the {how} weights that the catalogue pins: its SHA-256 is {digest}, "
-            f"pinned is {pin}; it is never loaded, the next start makes it again"
+            f"{path}: the {how} weights do not match the catalogue: their SHA-256 is {digest}, "
+            f"expected {pin}; they are never loaded, and the next start prepares them again"
         )
     if find_recorded(entry.stem, how, source_sha256) is not None:
         return True, (
-            f"{path}, which is loaded: SHA-256 as in the record that this machine's key signed "
-            f"when it was made; the catalogue pins none for {how}"
+            f"{path}, the loaded file: SHA-256 matches the record signed with this machine's key; "
+            f"the catalogue has no hash for {how}"
         )
     return False, (
-        f"{path}: no record signed with this machine's key fits it, and the catalogue pins no "
-        f"{how} weights; it is never loaded, the next start makes it again"
+        f"{path}: no record signed with this machine's key matches, and the catalogue has no hash "
+        f"for {how} weights; they are never loaded, and the next start prepares them again"
     )
 
 
@@ -144,7 +146,7 @@ def _check_second_reader(entry: ModelEntry) -> Check:
     """Check the second reader, without which the console works as well."""
     if entry.local_file is None:
         pull = f"pa-console models pull {entry.name}"
-        found = f"{entry.name} is not here: an unclear order is read by one model only ({pull})"
+        found = f"{entry.name} is not downloaded; to read unclear orders with it: {pull}"
         return Check(SECOND_READER, "ok", found)
     return replace(check_files(entry), name=SECOND_READER)
 
@@ -156,12 +158,12 @@ def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
         lines = dict(line.split(":", 1) for line in memory.read_text(encoding="ascii").splitlines())
         free_mb = int(lines["MemAvailable"].split()[0]) * 1024 // 10**6
     except (OSError, KeyError, ValueError):
-        unknown = "how much memory is free cannot be told here"
+        unknown = "the free memory is unknown on this system"
         return Check(name, "ok", f"{count(cores, 'core')}; {unknown}")
     found = f"{free_mb} MB free, {needed} MB needed, {count(cores, 'core')}"
     if free_mb < needed:
         return Check(name, "warning", found, SMALLER)
-    return Check.graded(name, cores >= 2, found, "expect long answers: two cores help")
+    return Check.graded(name, cores >= 2, found, "expect slow answers; use at least two cores")
 
 
 def check_load(
@@ -173,10 +175,10 @@ def check_load(
     after, seconds = idle(), perf_counter() - began
     cores = physical_cores()
     if before is None or after is None:
-        return Check("load", "ok", "how busy the cores are cannot be told here")
+        return Check("load", "ok", "the load is unknown on this system")
     busy = max(0.0, cores - (after - before) / seconds)
     found = f"{busy:.1f} of {count(cores, 'core')} busy"
-    remedy = "answers take longer beside other work: close other programs"
+    remedy = "close other programs; answers take longer under load"
     return Check.graded("load", busy <= cores * QUIET_SHARE, found, remedy)
 
 
@@ -188,8 +190,8 @@ def check_confinement() -> Check:
 def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
     """Return the check of the confinement of the model's process, with gaps and their reasons."""
     held = [item.what for item in restrictions if not item.missing]
-    missing = [f"not kept from it: {i.what} ({i.missing})" for i in restrictions if i.missing]
-    found = "; ".join([*missing, *held]) + ("" if missing else "; tried")
+    missing = [f"not enforced: {i.what} ({i.missing})" for i in restrictions if i.missing]
+    found = "; ".join([*missing, *held]) + ("" if missing else "; tested")
     return Check.graded("model's process", not missing, found, REMEDY)
 
 
@@ -202,7 +204,7 @@ def check_speed(name: str) -> Check:
     try:
         return speed_words(model.name, asyncio.run(_one_plan(model)))
     except TimeoutError:
-        found = f"{model.name} did not write a plan within {LIMIT_S:g} s: too slow to work with"
+        found = f"{model.name} did not write a plan within {LIMIT_S:g} s: too slow for work"
         return Check(SPEED, "warning", found, SMALLER)
     except EngineError as error:
         return Check(SPEED, "warning", f"{model.name}: {error}", "see the checks of the model")
@@ -216,7 +218,7 @@ def speed_words(name: str, usage: Usage) -> Check:
         f"{name} reads {_rate(prompt_tokens, usage.first_token_s)} and writes "
         f"{_rate(usage.completion_tokens, usage.seconds - usage.first_token_s)} tokens/s: "
         f"a plan takes {usage.seconds:.1f} s, "
-        f"{'fast enough' if fast else 'slow: expect to wait for it'}"
+        f"{'fast enough' if fast else 'slow, expect to wait'}"
     )
     return Check.graded(SPEED, fast, found, SMALLER)
 
@@ -250,7 +252,7 @@ async def _one_plan(model: LocalModel) -> Usage:
                         return item.usage
     finally:
         await engine.close()
-    raise EngineError("the model's answer has no end")
+    raise EngineError("the model's answer was incomplete")
 
 
 def named_models(settings: Settings) -> SessionModels:
@@ -265,7 +267,9 @@ def check_servers(named: SessionModels, settings: Settings) -> Iterator[Check]:
     """Check every server in `named`; without servers, nothing is sent."""
     if settings.judge_server and "judge" not in named.named:
         remedy = "pa-console settings set judge_server openai:BASE_URL#SERVER"
-        yield Check(SERVER, "missing", f"judge_server: {settings.judge_server!r} is none", remedy)
+        yield Check(
+            SERVER, "missing", f"judge_server: {settings.judge_server!r} is not a server", remedy
+        )
     for use, name in named.named.items():
         yield check_server(use, name, plain=settings.plain_servers)
 
@@ -276,18 +280,18 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
     try:
         engine = open_backend(name, BackendOptions(use, plain))
     except ModelError as error:
-        return Check(title, "missing", str(error), "name another one, or none")
+        return Check(title, "missing", str(error), "choose another server, or none")
     if not isinstance(engine, ServerEngine):
-        return Check(title, "ok", f"{engine.name}: the backend of another package, not asked")
+        return Check(title, "ok", f"{engine.name}: a backend of another package, not tested")
     asyncio.run(_looked(engine))
     answer = engine.report.words if engine.usable else engine.detail
     key = ServerKey.find(engine.address, KEY_VARIABLES[use])
     if engine.state == "unconstrained":
-        remedy = "use a server that holds answers to a JSON schema or a grammar"
+        remedy = "use a server that constrains answers with a JSON schema or a grammar"
     else:
         remedy = (
-            f"start it, and see its address and key ({KEY_VARIABLES[use]}); "
-            "the model of this machine answers in its place"
+            f"start it, and check its address and key ({KEY_VARIABLES[use]}); "
+            "until then, the local model answers"
         )
     found = f"{engine.name}: {answer}; key from {key.source}"
     return Check.graded(title, engine.state == "ready", found, remedy)

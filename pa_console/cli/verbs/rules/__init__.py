@@ -40,10 +40,10 @@ from pa_console.terminal.output import BAD_INPUT, FAILED, errors, out, print_jso
 
 MARKS = {"same": ("", "", ""), "removed": ("[-", "-]", "red"), "added": ("{+", "+}", "green")}
 STYLES = {"error": "red", "warning": "yellow", "note": "dim"}
-SetArgument = Annotated[str, typer.Argument(help="A rule file: an installed name or path.")]
+SetArgument = Annotated[str, typer.Argument(help="Rules: an installed name or a file.")]
 
 app = typer.Typer(
-    help="List, search, check, lint, sign and compare rules, and trace what they did.",
+    help="List, search, check, lint, sign and compare rules, and trace their effects.",
     no_args_is_help=True,
 )
 
@@ -56,17 +56,16 @@ def _how(rule: Rule) -> str:
     return "checked" if rule.decidable else "judged only"
 
 
-def _tell_approvals(book: Rulebook) -> None:
+def _print_approvals(book: Rulebook) -> None:
     """Print the acts that several people must approve, and those of standing orders unasked."""
     if book.unasked:
-        told = f"standing orders may have carried out unasked: {', '.join(book.unasked)}"
-        out.print_line(told)
+        out.print_line(f"standing orders need no approval for: {', '.join(book.unasked)}")
     if asked := approvals_in_words(book.approvals):
-        out.print_line(f"people who must approve: {asked}")
+        out.print_line(f"required approvals: {asked}")
 
 
 def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
-    """List every rule in force: id, priority, whether it is checked or only judged, text."""
+    """List the rules: id, priority, text, and whether a rule is checked or only judged."""
     book = _load(rules)
     if json:
         print_json([rule.model_dump(mode="json") for rule in book.rules])
@@ -77,19 +76,19 @@ def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> N
     for rule in book.rules:
         table.add_row(rule.id, rule.priority, _how(rule), rule.text)
     out.print(table)
-    _tell_approvals(book)
+    _print_approvals(book)
 
 
 def search(
-    text: Annotated[str, typer.Argument(help="Words of a mission.")],
+    text: Annotated[str, typer.Argument(help="Text of a mission.")],
     rules: RulesOption = "checkpoint",
     top: Annotated[int, typer.Option("--top", "-k", min=1, help="Number of rules.")] = 3,
     retriever: Annotated[
-        str, typer.Option(help=f"How rules are found: {', '.join(METHODS)}.")
+        str, typer.Option(help=f"Search method: {', '.join(METHODS)}.")
     ] = DEFAULT_METHOD,
     json: JsonOption = False,
 ) -> None:
-    """Show what the retriever finds for TEXT: pinned rules first, then the best, with scores."""
+    """Show the rules that are retrieved for TEXT with their scores, pinned rules first."""
     book = _load(rules)
     hits = Retriever(book.rules, retriever).retrieve(text, top)
     if json:
@@ -108,14 +107,14 @@ def check(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="A rule file; default: checkpoint.", autocompletion=completion.rule_files
+            help="Rule file. Default: checkpoint.", autocompletion=completion.rule_files
         ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Load a rule file, compile its checks and run every example; exit code 2 if one is wrong.
+    """Load a rule file, compile its checks and run its examples.
 
-    A set that was altered since it was signed is wrong too.
+    Exits with 2 if an example fails, or if the file was changed after it was signed.
     """
     book = _load(str(file) if file is not None else "checkpoint")
     wrong: list[dict[str, str]] = []
@@ -123,8 +122,8 @@ def check(
     for rule in book.rules:
         for example in rule.examples:
             examples += 1
-            found = run_example(rule, example)
-            status = {"complies": "pass", "violates": "fail"}.get(found.status, found.status)
+            finding = run_example(rule, example)
+            status = {"complies": "pass", "violates": "fail"}.get(finding.status, finding.status)
             if status != example.expect:
                 wrong.append(
                     {
@@ -132,7 +131,7 @@ def check(
                         "example": example.name,
                         "expected": example.expect,
                         "got": status,
-                        "message": found.message,
+                        "message": finding.message,
                     }
                 )
     checked = sum(rule.decidable for rule in book.rules)
@@ -150,39 +149,40 @@ def check(
             f"{count(examples, 'example')}, {len(wrong)} wrong"
         )
         out.print_line(f"{book.name}, {seal_in_words(book.seal)}")
-        _tell_approvals(book)
+        _print_approvals(book)
         warn_of_altered(book.name, book.seal)
         if lacking := differing_core(book):
-            out.print_line(f"the core's own stay in force besides: {', '.join(lacking)}")
+            out.print_line(f"rules of the core that also stay in force: {', '.join(lacking)}")
     if wrong or book.seal.altered:
         raise typer.Exit(BAD_INPUT)
 
 
 def pin(
     write: Annotated[
-        bool, typer.Option("--write", help="Write it into the package, beside the shipped file.")
+        bool, typer.Option("--write", help="Write the hash into the package.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Print the content hash of the shipped rule file; exit code 2 if the package pins another.
+    """Compare the content hash of the shipped rules with the one pinned in the package.
 
-    For maintainers: after a change of rules/checkpoint.yaml the package must be made to agree.
+    For maintainers: after a change of rules/checkpoint.yaml, run this verb with --write. Exits with
+    2 if the hashes differ.
     """
     path = find_data("rules", SHIPPED.name, "rules.yaml")
     load_rules(path)
     rule_set = read_rule_set(path)[1]
-    found = content_sha256(rule_set)
+    content = content_sha256(rule_set)
     target = SHIPPED_FILE
     source = shipped_rules(rule_set).text
     if write:
         target.write_text(source, encoding="utf-8")
     agrees = target.read_text(encoding="utf-8") == source
     if json:
-        print_json({"file": str(path), "content_sha256": found, "pinned": agrees})
+        print_json({"file": str(path), "content_sha256": content, "pinned": agrees})
     else:
-        out.print_line(f"{path}: {found}")
+        out.print_line(f"{path}: {content}")
         out.print_line(
-            f"{target}: {'the same' if agrees else 'ANOTHER; rules pin --write makes it agree'}"
+            f"{target}: {'the same' if agrees else 'DIFFERENT; update it with rules pin --write'}"
         )
     if not agrees:
         raise typer.Exit(BAD_INPUT)
@@ -196,9 +196,9 @@ def seal_in_words(seal: RulesSeal) -> str:
 
 
 def sign(
-    file: Annotated[Path, typer.Argument(help="A rule file.")], json: JsonOption = False
+    file: Annotated[Path, typer.Argument(help="Rule file.")], json: JsonOption = False
 ) -> None:
-    """Sign FILE as it is now with this machine's key: FILE.sig is written beside it."""
+    """Sign FILE with this machine's key, and write the signature to FILE.sig."""
     path = find_data("rules", str(file), "rules.yaml")
     load_rules(path)
     _, rule_set = read_rule_set(path)
@@ -212,9 +212,9 @@ def sign(
 
 
 def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
-    """Show what differs from rule set A to B, rule by rule; exit code 1 if anything does.
+    """Show the differences between the rule sets A and B, rule by rule.
 
-    Texts are compared word by word: [-gone-] {+new+}.
+    Texts are compared word by word: [-removed-] {+added+}. Exits with 1 if the sets differ.
     """
     paths = [find_data("rules", name, "rules.yaml") for name in (a, b)]
     sets = [read_rule_set(path)[1] for path in paths]
@@ -236,7 +236,7 @@ def diff(a: SetArgument, b: SetArgument, json: JsonOption = False) -> None:
             for kind in ("added", "removed", "changed", "moved")
             if (number := sum(change.kind == kind for change in changes))
         ]
-        out.print(", ".join(counts) or "the same rules")
+        out.print(", ".join(counts) or "no differences")
     if changes:
         raise typer.Exit(FAILED)
 
@@ -264,20 +264,20 @@ def _words(value: object) -> str:
 
 
 def lint(
-    file: Annotated[str, typer.Argument(help="A rule file, or an installed name.")] = "checkpoint",
+    file: Annotated[str, typer.Argument(help="Rules: an installed name or a file.")] = "checkpoint",
     world: WorldOption = "checkpoint",
     states: Annotated[
         int,
-        typer.Option(min=0, help="States that are drawn and searched; 0: the rules are only read."),
+        typer.Option(min=0, help="Number of random states to search; 0 skips the search."),
     ] = 400,
-    seed: Annotated[int, typer.Option(min=0, help="Which states are drawn.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random states.")] = 0,
     json: JsonOption = False,
 ) -> None:
-    """Look for gaps, repetitions, contradictions and disagreements in a rule file.
+    """Find gaps, duplicates, contradictions and disagreements in a rule file.
 
-    Rules are read, run in the states of their examples and in drawn ones of a small world, and
-    looked for in other words than their own. Exit code 1 if there is more than notes. The world
-    says which names are assets and gates.
+    The rules are read, run in the states of their examples and in random states of a small world,
+    and searched for with paraphrases. The names of assets and gates come from the world. Exits with
+    1 if there is an error or a warning.
     """
     path = existing_data("rules", file, "rules.yaml")
     load_rules(path)
@@ -289,7 +289,7 @@ def lint(
         with TransientBar("searching states", search_steps(rule_set, states)) as bar:
             searched = search_rules(document, rule_set, place, states, seed, bar.advance)
         findings = sorted([*findings, *searched.findings], key=lambda f: (f.line, f.kind))
-    counts = {name: sum(found.severity == name for found in findings) for name in STYLES}
+    counts = {name: sum(finding.severity == name for finding in findings) for name in STYLES}
     if json:
         print_json({"file": str(path), "rules": len(rule_set.rules), "findings": findings,
                     "counts": counts, "searched": searched.words if states else ""})  # fmt: skip
@@ -300,8 +300,8 @@ def lint(
                 f"{entry.problem}; {entry.remedy}",
                 style=STYLES[entry.severity],
             )
-        told = ", ".join(f"{name}s {count}" for name, count in counts.items())
-        out.print(f"rules: {len(rule_set.rules)}, {told}")
+        numbers = ", ".join(f"{name}s {count}" for name, count in counts.items())
+        out.print(f"rules: {len(rule_set.rules)}, {numbers}")
         if states:
             out.print_line(f"searched: {searched.words}")
     if counts["error"] or counts["warning"]:

@@ -33,7 +33,7 @@ COUNTED_DEEDS: tuple[tuple[str, tuple[RuleDeed, ...]], ...] = (
     ("prescribed", ("prescribed",)),
 )
 
-LOGS = typer.Argument(metavar="LOG...", help="Session logs, or folders of them.")
+LOGS = typer.Argument(metavar="LOG...", help="Session logs, or folders with session logs.")
 
 
 def find_logs(places: Sequence[Path]) -> list[Path]:
@@ -97,38 +97,36 @@ class Effects:
 
 
 def effect(
-    rules: Annotated[str, typer.Argument(help="The changed rule file.")],
+    rules: Annotated[str, typer.Argument(help="Changed rule file.")],
     logs: Annotated[list[Path] | None, LOGS] = None,
     missions: Annotated[
         list[str] | None,
-        typer.Option(help="A mission set: a file, or a name beside the world; repeatable."),
+        typer.Option(help="Mission set: a file, or the name of a set of the world. Repeatable."),
     ] = None,
     was: Annotated[
         str | None,
-        typer.Option(
-            "--was", help="The rules until now, when they are not installed as they were."
-        ),
+        typer.Option("--was", help="Previous rules, if they are no longer installed unchanged."),
     ] = None,
     world: Annotated[
         list[str] | None,
-        typer.Option(
-            "--world", help="A world of the sessions, or of the missions, as a file; repeatable."
-        ),
+        typer.Option("--world", help="World file of the sessions or the missions. Repeatable."),
     ] = None,
     plans: Annotated[
-        int, typer.Option(min=1, help="With --missions: orders that are tried for each mission.")
+        int, typer.Option(min=1, help="With --missions: number of random orders per mission.")
     ] = 24,
-    seed: Annotated[int, typer.Option(min=0, help="With --missions: which orders those are.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="With --missions: seed of the random orders.")
+    ] = 0,
     json: JsonOption = False,
 ) -> None:
-    """Check every recorded plan again under RULES; list each decision that would turn.
+    """Check recorded plans again with the changed RULES, and list the decisions that change.
 
-    A plan is checked against the picture, the rehearsal and the telemetry of its time. Missions
-    of a set have no recorded plans: single orders are tried there. Exit code 1 when a decision
-    turns, 2 when something cannot be read.
+    A plan is checked against the recorded picture, rehearsal and telemetry. Missions of a set have
+    no recorded plans, so random single orders are checked instead. Exits with 1 if a decision
+    changes, and with 2 if a log cannot be read.
     """
     if not logs and not missions:
-        raise ValueError("give session logs, or a mission set with --missions")
+        raise ValueError("give session logs, or a mission set with --missions NAME")
     new = load_rules(existing_data("rules", rules, "rules.yaml"))
     effects = Effects()
     if logs:
@@ -150,7 +148,7 @@ def effect(
 
 
 def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Effects) -> None:
-    with TransientBar("checking sessions again", len(logs)) as bar:
+    with TransientBar("checking sessions", len(logs)) as bar:
         for log in logs:
             try:
                 events = SessionEvents(log)
@@ -160,8 +158,9 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
                 effects.found[str(log)] = effect_on_session(events, place, new, rulebook)
                 if rulebook is None:
                     effects.notes[str(log)] = (
-                        f"its rules {started.rules!r} are not here as they were (give them with "
-                        "--was): compared with what is recorded; what running plans broke is not"
+                        f"its rules {started.rules!r} are not installed unchanged (give them with "
+                        "--was), so only the recorded findings were compared, and none of running "
+                        "plans"
                     )
                 if events.problem:
                     effects.unread[str(log)] = events.problem
@@ -182,7 +181,9 @@ def _missions(
     cases, worlds = load_with_worlds(path, own)
     old = load_rules(existing_data("rules", was, "rules.yaml"))
     plans, seed = tried
-    with TransientBar(f"trying orders at {cases.name}", len(cases.missions) * (plans + 1)) as bar:
+    with TransientBar(
+        f"checking orders for {cases.name}", len(cases.missions) * (plans + 1)
+    ) as bar:
         for case in cases.missions:
             effects.found[f"{path}:{case.id}"] = effect_on_mission(
                 case, worlds[case.world], new, old, plans, seed, bar.advance
@@ -191,29 +192,29 @@ def _missions(
 
 def _print_effects(effects: Effects) -> None:
     """Print the changed decisions and the gaps by log, then the totals."""
-    for place, found in effects.found.items():
-        if not found.flips and not found.gaps and place not in effects.notes:
+    for place, outcome in effects.found.items():
+        if not outcome.flips and not outcome.gaps and place not in effects.notes:
             continue
-        out.print_line(f"{place}: session {found.session}" if found.session else f"{place}:")
+        out.print_line(f"{place}: session {outcome.session}" if outcome.session else f"{place}:")
         if place in effects.notes:
             out.print_line(f"  note: {effects.notes[place]}")
-        for flip in found.flips:
+        for flip in outcome.flips:
             out.print_line(_flip(flip))
-        for gap in found.gaps:
+        for gap in outcome.gaps:
             at = f"{gap.mission} attempt {gap.attempt}" if gap.attempt else gap.mission
             rule = f" {gap.rule}:" if gap.rule else ""
             out.print_line(f"  {at}: cannot be checked again:{rule} {gap.reason}")
     for place, problem in effects.unread.items():
-        errors.print_line(f"{place}: not read to its end: {problem}")
+        errors.print_line(f"{place}: not read completely: {problem}")
     for rule, count in rules_turned(effects.flips):
-        out.print_line(f"{rule} turns {count}")
+        out.print_line(f"{rule} changes {count}")
     every = effects.found.values()
     kinds = [(kind, sum(f.kind == kind for f in effects.flips)) for kind in FLIP_KINDS]
     parts = ", ".join(f"{count} {kind}" for kind, count in kinds if count) or "none"
     out.print_line(
         f"sessions {sum(bool(e.session) for e in every)}, missions "
         f"{sum(e.missions for e in every)}, plans {sum(e.plans for e in every)}, findings "
-        f"{sum(e.compared for e in every)}; turned: {parts}; "
+        f"{sum(e.compared for e in every)}; changed: {parts}; "
         f"cannot be checked again: {len(effects.gaps)}; not read: {len(effects.unread)}"
     )
 
@@ -226,43 +227,43 @@ def _flip(flip: ChangedDecision) -> str:
 
 
 def trace(
-    rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="For example ROE-07.")],
+    rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="Id of a rule, such as ROE-07.")],
     logs: Annotated[list[Path], LOGS],
-    every: Annotated[bool, typer.Option("--all", help="Show where it did not apply, too.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Also show where it did not apply.")] = False,
     json: JsonOption = False,
 ) -> None:
     """List every mission in which a rule was retrieved, decided a plan, or was broken.
 
-    Each line says the event, the simulation's tick, the attempt, and the words. Exit code 1 when
-    no session knows the rule, 2 when a log cannot be read.
+    Each line shows the event, the simulation's tick, the attempt and the finding. Exits with 1 if
+    no session mentions the rule, and with 2 if a log cannot be read.
     """
-    found: dict[str, list[Trail]] = {}
+    trails: dict[str, list[Trail]] = {}
     unread: dict[str, str] = {}
     places = find_logs(logs)
     with TransientBar("reading sessions", len(places)) as bar:
         for log in places:
             try:
                 events = SessionEvents(log)
-                found[str(log)] = trail_of(rule, events)
+                trails[str(log)] = trail_of(rule, events)
                 if events.problem:
                     unread[str(log)] = events.problem
             except DocumentError as error:
                 unread[str(log)] = str(error)
             bar.advance()
     if json:
-        print_json({"rule": rule, "sessions": found, "unread": unread})
+        print_json({"rule": rule, "sessions": trails, "unread": unread})
     else:
-        _print_trails(rule, found, every)
+        _print_trails(rule, trails, every)
     for log, problem in unread.items():
-        errors.print_line(f"{log}: not read to its end: {problem}")
+        errors.print_line(f"{log}: not read completely: {problem}")
     if unread:
         raise typer.Exit(BAD_INPUT)
-    if not any(found.values()):
+    if not any(trails.values()):
         raise typer.Exit(FAILED)
 
 
-def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None:
-    for log, trails in found.items():
+def _print_trails(rule: str, sessions: dict[str, list[Trail]], every: bool) -> None:
+    for log, trails in sessions.items():
         for trail in trails:
             shown = [e for e in trail.entries if every or e.did != "not applicable"]
             if not shown:
@@ -274,14 +275,14 @@ def _print_trails(rule: str, found: dict[str, list[Trail]], every: bool) -> None
                 out.print_line(
                     f"  event {entry.event}, tick {entry.tick}{attempt}: {entry.did}{words}"
                 )
-    every_trail = [trail for trails in found.values() for trail in trails]
-    parts = [f"{name} in {_count(every_trail, what)}" for name, what in COUNTED_DEEDS]
-    searched = f"sessions searched: {len(found)}"
+    every_trail = [trail for trails in sessions.values() for trail in trails]
+    parts = [f"{name} in {_count(every_trail, deeds)}" for name, deeds in COUNTED_DEEDS]
+    searched = f"sessions searched: {len(sessions)}"
     if every_trail:
         out.print_line(f"{rule}, missions: {', '.join(parts)}; {searched}")
     else:
-        out.print_line(f"{rule}: no mission had to do with it; {searched}")
+        out.print_line(f"{rule}: not mentioned in any mission; {searched}")
 
 
-def _count(trails: Iterable[Trail], what: tuple[RuleDeed, ...]) -> int:
-    return sum(trail.did(*what) for trail in trails)
+def _count(trails: Iterable[Trail], deeds: tuple[RuleDeed, ...]) -> int:
+    return sum(trail.did(*deeds) for trail in trails)
