@@ -109,7 +109,7 @@ async def run_once(site: Site, engine: MemoEngine, condition: Disturbance, seed:
     watch = TruthWatch(sim)
     station = open_station(
         site,
-        engine.engine(),
+        engine,
         SteppedClock(),
         fleet=SimulatedFleet(sim),
         keep_engine=True,

@@ -236,7 +236,7 @@ async def _ask(
     right = 0
     try:
         room = PROMPT_FORMATS[model.prompts].verdict_tokens
-        judge = Judge(engine.engine(), max_tokens=room)
+        judge = Judge(engine, max_tokens=room)
         verdicts = judge_cases(cases, judge, model, outcomes=outcomes)
         async with aclosing(verdicts) as judged:
             async for run in judged:

@@ -64,7 +64,7 @@ class Ground(SimulatedLink):
         asset = self.checkpoint._scene.assets[report.agent]  # pyright: ignore[reportPrivateUsage]
         asset.x, asset.y = asset.station = report.position
         asset.route, asset.heading, asset.speed = (), report.heading_deg, report.speed_mps
-        asset.task, asset.said = report.task, None
+        asset.task, asset.last_telemetry = report.task, None
         asset.post = Terrain.of(self.checkpoint.world).frame_at(*report.position)
 
 

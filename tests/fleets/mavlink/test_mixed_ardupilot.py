@@ -18,7 +18,7 @@ from pa_console.mission.gate import CommandGate
 from pa_console.mission.stop import EmergencyStop
 from pa_console.schema.command import DeviceCommand
 from pa_console.schema.world import World
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.settings.schema import Settings
 from pa_console.sim.worlds.terrain import Terrain
 from pa_console.sim.worlds.world_generator import world_yaml

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from pa_console.fleets.linked_fleet import LinkedFleet
+from pa_console.fleets.ros2.link import Ros2Link
 from pa_console.fleets.snapshot import MOST_SIDE, SnapshotError
 from pa_console.schema.world import World
 from tests.fleets.ros2.counterpart import REMEDY, Robots, free_domain, linked
@@ -101,6 +102,7 @@ def test_what_is_no_picture_is_refused_in_words(
 
 def test_doctor_names_a_camera_that_sends_nothing(camera: CameraNode) -> None:
     (link,) = camera.fleet.links
-    (row,) = [row for row in link.examine(0.2) if row.agent == CAMERA]  # pyright: ignore[reportAttributeAccessIssue]
+    assert isinstance(link, Ros2Link)
+    (row,) = [row for row in link.examine(0.2) if row.agent == CAMERA]
     assert row.found == f"sends no image on {TOPIC} within 0.2 s"
     assert row.consequence == "no picture is shown"
