@@ -169,7 +169,7 @@ def test_the_frame_of_a_console_waits_for_neither_the_screen_nor_a_session() -> 
         (HELPED, 285),
         (MISSION_HELPED, 385),
         (CONSOLE_FRAMED, 420),
-        (CONSOLE_LOADED, 1080),
+        (CONSOLE_LOADED, 1090),
     ],
 )
 def test_an_entry_point_keeps_to_its_number_of_modules(script: str, most: int) -> None:
