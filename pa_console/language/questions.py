@@ -82,9 +82,7 @@ class _Grammar:
         return self._reader.over
 
     def _why(self) -> bool:
-        taken = self._reader.take(*_WORDS["why"])
-        self._reader.take(",")
-        return bool(taken)
+        return bool(self._reader.take(*_WORDS["why"]))
 
     # ------------------------------------------------------------------ why this plan
 
@@ -93,6 +91,7 @@ class _Grammar:
         reader = self._reader
         if not self._why():
             return None
+        reader.take(",")
         if reader.take(*_WORDS["that"]) and self._at_end():
             return _TopicWords("plan")
         reader.take("not")
@@ -118,7 +117,10 @@ class _Grammar:
     # ------------------------------------------------------------------ why him, why not him
 
     def _why_asset(self) -> _TopicWords | None:
-        """Read *why Drone_T04*, *why did you send the robot*, *why is that drone going there*."""
+        """Read *why Drone_T04*, *why did you send the robot*, *why is that drone going there*.
+
+        After a comma it is an order: *Explain, robot to south*.
+        """
         reader = self._reader
         if not self._why():
             return None
