@@ -142,7 +142,7 @@ async def test_a_mission_behind_a_question_can_go_first_and_the_question_is_aske
                         station.let_next_go_first()
                     station.submit("Ugv_T02 to the east gate.")
                 case ev.QueueChanged(entries=(entry,)) if asked and station.awaits_decision:
-                    waits = f"{entry.mission.id} waits for your answer to {asked[0]}: b"
+                    waits = f"{entry.mission.id} waits behind {asked[0]}: b"
                     assert behind_line(state, "b") == waits
                     station.let_next_go_first()
                 case ev.ApprovalRequested() as request:
