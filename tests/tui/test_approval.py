@@ -343,7 +343,7 @@ async def test_the_proposed_plan_comes_back_after_the_operators_own_was_examined
 async def test_an_interrupt_says_how_to_leave_and_the_plan_still_waits(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
         await press(pilot, "ctrl+c")
-        assert notices(app)[-1].startswith("q ^q leaves the console, after a question")
+        assert notices(app)[-1].startswith("q ^q leaves the console, and asks first")
         clock.now += ARM_DELAY_S
         await press(pilot, "m", "enter")
         await press(pilot, "end", "ctrl+c")
