@@ -28,6 +28,7 @@ PLUGIN_TESTS = {
     "hatchling": ("test_packaging.py",),
     "httpx2": ("fleets/test_snapshot.py",),
     "jsonschema": (
+        "fleets/test_broker_dies.py",
         "fleets/test_contract.py",
         "fleets/test_example_robot.py",
         "fleets/test_what_a_station_believes.py",
