@@ -39,7 +39,7 @@ PLUGIN_TESTS = {
     "mcp": ("mcp",),
     "openai": ("llm/servers", "mission/test_model_servers.py"),
     "opentelemetry": ("observability/test_observed_mission.py",),
-    "paho": ("fleets/test_broker_loses_messages.py",),
+    "paho": ("fleets/test_broker_loses_messages.py", "fleets/test_client_ids.py"),
     "psutil": ("benchmarks",),
     "pytak": ("cli/test_tak_verb.py", "tak"),
     "vda5050": ("fleets/test_version_two.py",),
