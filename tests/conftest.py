@@ -28,6 +28,7 @@ PLUGIN_TESTS = {
     "hatchling": ("test_packaging.py",),
     "httpx2": ("fleets/test_snapshot.py",),
     "jsonschema": (
+        "fleets/test_broker_dies.py",
         "fleets/test_contract.py",
         "fleets/test_example_robot.py",
         "fleets/test_what_a_station_believes.py",
@@ -38,7 +39,7 @@ PLUGIN_TESTS = {
     "mcp": ("mcp",),
     "openai": ("llm/servers", "mission/test_model_servers.py"),
     "opentelemetry": ("observability/test_observed_mission.py",),
-    "paho": ("fleets/test_broker_loses_messages.py",),
+    "paho": ("fleets/test_broker_loses_messages.py", "fleets/test_client_ids.py"),
     "psutil": ("benchmarks",),
     "pytak": ("cli/test_tak_verb.py", "tak"),
     "vda5050": ("fleets/test_version_two.py",),

@@ -299,6 +299,7 @@ async def looked(proxy: FaultProxy) -> Check:
 
 
 async def test_what_holds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("openai", reason="model servers need the extra `openai`")
     monkeypatch.setenv(KEY_VARIABLE, CANARY)
     check = await looked(FaultProxy(holds=("guided_json",)))
     assert check.state == "ok"
@@ -308,12 +309,14 @@ async def test_what_holds_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def test_that_nothing_holds_is_a_warning() -> None:
+    pytest.importorskip("openai", reason="model servers need the extra `openai`")
     check = await looked(FaultProxy(holds=()))
     assert check.state == "warning"
     assert "nothing holds answers" in check.found
 
 
 async def test_a_server_that_is_away_is_a_warning() -> None:
+    pytest.importorskip("openai", reason="model servers need the extra `openai`")
     proxy = FaultProxy()
     proxy.faults = ["401"]
     check = await looked(proxy)
@@ -322,6 +325,7 @@ async def test_a_server_that_is_away_is_a_warning() -> None:
 
 
 def test_a_server_elsewhere_without_https_is_not_asked() -> None:
+    pytest.importorskip("openai", reason="model servers need the extra `openai`")
     check = check_server("planner", "openai:http://10.0.0.5/v1#m")
     assert check.state == "missing"
     assert "plain_servers" in check.found
