@@ -164,7 +164,7 @@ def test_what_turns_is_listed_and_told_by_the_exit_code(call: Call, folder: Path
     same = call("rules", "effect", "checkpoint", str(folder))
     assert (same.code, same.err) == (0, "")
     assert "sessions 1, missions 1, plans 1" in same.out
-    assert "turned: none; cannot be checked again: 0" in same.out
+    assert "changed: none; cannot be checked again: 0" in same.out
     done = call("rules", "effect", strict, log)
     assert done.code == 1
     assert f"{log}: session" in done.out

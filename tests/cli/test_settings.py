@@ -83,7 +83,7 @@ def test_path_and_reset_work_with_a_file_that_is_broken(call: Call, file: Path) 
     assert call("settings", "path").out.strip() == str(file)
     assert "settings.yaml.bak" in call("settings", "reset").said
     assert call("settings", "show").code == 0
-    assert "there is none" in call("settings", "reset").said
+    assert "does not exist; the defaults apply" in call("settings", "reset").said
 
 
 def test_chosen_rules_are_the_default_and_an_option_wins(call: Call, file: Path) -> None:

@@ -19,7 +19,7 @@ def test_a_mission_is_named_by_the_begin_of_its_id(wanted: str) -> None:
 
 @pytest.mark.parametrize(
     ("wanted", "words"),
-    [("M002", "which one\\? M002-1a2b, M002-77aa"), ("M9", "no such"), ("", "no such")],
+    [("M002", "choose one of M002-1a2b, M002-77aa"), ("M9", "no such"), ("", "no such")],
 )
 def test_what_names_no_mission_or_several_is_an_error(wanted: str, words: str) -> None:
     with pytest.raises(ValueError, match=words):
