@@ -82,10 +82,10 @@ class LinkedFleet(ReportedFleet):
         self._links, self._bus, self._now = tuple(links), bus, now
         self._began = self._read_at = now()
         self._link_of = _links_of_assets(self._links, world)
-        super().__init__(bus.known if bus is not None else ReportedPicture(world))
-        self._known.links = {name: link.name for name, link in self._link_of.items()}
+        super().__init__(bus.reported if bus is not None else ReportedPicture(world))
+        self._reported.links = {name: link.name for name, link in self._link_of.items()}
         if bus is not None:
-            bus.reserve(dict(self._known.links))
+            bus.reserve(dict(self._reported.links))
             self._note_bus(bus)
         self._period = station_side.period_ticks(world)
         self._session = secrets.token_hex(8)
@@ -211,7 +211,7 @@ class LinkedFleet(ReportedFleet):
         replies, self._replies = tuple(self._replies), []
         return Received(
             (*replies, *received.replies),
-            (*self._told.take(), *received.told),
+            (*self._notices.take(), *received.told),
             received.countersigned,
             received.stop_asked,
         )
@@ -228,8 +228,8 @@ class LinkedFleet(ReportedFleet):
 
     def _note_bus(self, bus: "MqttFleet") -> None:
         """Show the bus as the link of each asset that has joined it."""
-        for name in bus.joined - self._known.links.keys():
-            self._known.links[name] = bus.name
+        for name in bus.joined - self._reported.links.keys():
+            self._reported.links[name] = bus.name
 
     def _take_news(self) -> None:
         """Process the news of every link, and report lost and restored connections."""
@@ -237,7 +237,7 @@ class LinkedFleet(ReportedFleet):
         # delay in between would make a moving asset appear farther away than it can have come.
         self._read_at = self._now()
         passed_s = (self._read_at - self._began).total_seconds()
-        self._known.advance(self._tick, passed_s - self.time_s)
+        self._reported.advance(self._tick, passed_s - self.time_s)
         for link in self._links:
             self._note_problem(link)
             for news in self._news_of(link):
@@ -266,7 +266,7 @@ class LinkedFleet(ReportedFleet):
             self._down.add(link.name)
             self._say("alarm", link.name, f"no connection: {problem}", "down")
             for name in self._assets_on(link):
-                self._known.break_link(name)
+                self._reported.break_link(name)
         else:
             self._down.remove(link.name)
             self._say("info", link.name, "connected again", "up")
@@ -279,7 +279,7 @@ class LinkedFleet(ReportedFleet):
                 self._take_answer(link, news)
             case NotReady(agent, why):
                 if self._is_on(link, agent):
-                    self._known.note_readiness(agent, why[:MOST_DETAIL])
+                    self._reported.note_readiness(agent, why[:MOST_DETAIL])
             case GroundMap(background):
                 self.background = background
             case AssetReport():
@@ -316,12 +316,12 @@ class LinkedFleet(ReportedFleet):
         if stamp is None or not self._belief.is_latest(name, report.sent):
             return
         try:
-            telemetry = self._telemetry(report, self._known.terrain, max(stamp, 0))
+            telemetry = self._telemetry(report, self._reported.terrain, max(stamp, 0))
         except (ValidationError, TypeError, ValueError) as error:
             self._fault(link, f"the report of {name} is set aside", error)
             return
         (self._manual.add if report.manual else self._manual.discard)(name)
-        self._known.report(name, stamp, telemetry)
+        self._reported.report(name, stamp, telemetry)
 
     def _stamp(self, name: str, sent: datetime) -> int | None:
         """Return the tick at which a report was sent; None if its time is not plausible."""

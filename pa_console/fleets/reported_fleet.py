@@ -16,15 +16,15 @@ class ReportedFleet:
     _tick: int
     _weather: Weather = "clear"
 
-    def __init__(self, known: ReportedPicture) -> None:
-        self._known, self._tick = known, 0
-        self._told, self._replies = Notices(), []
-        self._belief = Belief(known.world.dt_s, self._say)
+    def __init__(self, reported: ReportedPicture) -> None:
+        self._reported, self._tick = reported, 0
+        self._notices, self._replies = Notices(), []
+        self._belief = Belief(reported.world.dt_s, self._say)
 
     @property
     def world(self) -> World:
         """The world of the fleet."""
-        return self._known.world
+        return self._reported.world
 
     @property
     def tick(self) -> int:
@@ -34,24 +34,24 @@ class ReportedFleet:
     @property
     def time_s(self) -> float:
         """The seconds since the session began, on the station's clock."""
-        return self._known.terrain.seconds(self._tick)
+        return self._reported.terrain.seconds(self._tick)
 
     def picture(self) -> Picture:
         """Return the latest picture; a new one is built every `world.telemetry_period_s`."""
-        return self._known.picture()
+        return self._reported.picture()
 
     def forecast(self) -> Checkpoint:
         """Return a simulation from the picture and the world only."""
-        return self._known.forecast()
+        return self._reported.forecast()
 
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Show exactly `assets` as under manual control from this station, at once."""
-        self._known.mark_manual(assets)
+        self._reported.mark_manual(assets)
         self._show()
 
     def _show(self) -> None:
         """Rebuild the picture, and report the senders of messages that had to be left out."""
-        for name in dict.fromkeys(self._known.show(self._weather)):
+        for name in dict.fromkeys(self._reported.show(self._weather)):
             text = "what it reports cannot be shown in any picture and is set aside"
             self._say("alarm", name, text, "fault picture")
 
@@ -62,7 +62,7 @@ class ReportedFleet:
         """
         name = seen.sensor
         if stamp is not None and self._belief.is_recent(name, self._tick - stamp, rate):
-            for aside in self._known.detect(stamp, seen) if stamp >= 0 else ():
+            for aside in self._reported.detect(stamp, seen) if stamp >= 0 else ():
                 self._say("alarm", aside.sensor, aside.text, aside.kind)
 
     def _reply(self, command: DeviceCommand, status: ReplyStatus, detail: str) -> CommandReply:
@@ -78,4 +78,4 @@ class ReportedFleet:
         return reply
 
     def _say(self, level: Level, subject: str, text: str, kind: str = "") -> None:
-        self._told.say(level, subject, text, self.time_s, kind)
+        self._notices.say(level, subject, text, self.time_s, kind)

@@ -141,9 +141,9 @@ class SimulatedLinkFleet(LinkedFleet):
         """Make `incident` happen now; raises ValueError for an unknown name."""
         self.checkpoint.inject(incident)
         if self.tick == 0:
-            self._known.begin(0)
+            self._reported.begin(0)
             self._over.begin_again()
             self._take_news()
             self._show()
         elif isinstance(incident, PlaceAsset):
-            self._known.carried(incident.asset)
+            self._reported.carried(incident.asset)

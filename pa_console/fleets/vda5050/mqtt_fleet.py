@@ -77,9 +77,9 @@ class MqttFleet(ReportedFleet):
         self._show()
 
     @property
-    def known(self) -> ReportedPicture:
+    def reported(self) -> ReportedPicture:
         """The picture with the reports of this fleet; other links may add their reports."""
-        return self._known
+        return self._reported
 
     @property
     def name(self) -> str:
@@ -153,7 +153,7 @@ class MqttFleet(ReportedFleet):
         replies, self._replies = tuple(self._replies), []
         countersigned, self._countersigned = tuple(self._countersigned), []
         stop_asked, self._stop_asked = self._stop_asked, ""
-        return Received(replies, self._told.take(), countersigned, stop_asked)
+        return Received(replies, self._notices.take(), countersigned, stop_asked)
 
     def share(self, session: SharedSession) -> None:
         """Publish the records of a session from now on, and accept countersignatures for it."""
@@ -170,7 +170,7 @@ class MqttFleet(ReportedFleet):
         """Process all new messages; the clock is read once, for the lag and for all ages."""
         self._read_at = self.now()
         passed_s = (self._read_at - self._start).total_seconds() * self._rate
-        self._known.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
+        self._reported.advance(self._tick, 0.0 if self.paced else passed_s - self.time_s)
         for delivery in self._link.take():
             self._take_or_set_aside(delivery)
 
@@ -351,7 +351,7 @@ class MqttFleet(ReportedFleet):
             case additions.SiteDescription() if topic.identity == additions.SITE:
                 self._weather = message.weather
             case additions.ScenarioNews() if topic.identity == additions.SITE:
-                self._take_told(message)
+                self._take_scenario_news(message)
             case additions.SignedMessage() if topic.identity == additions.TRUST:
                 self._take_signed(message)
             case RecordsAsked() if self._shares(topic.identity):
@@ -371,9 +371,9 @@ class MqttFleet(ReportedFleet):
         """Report a message that its sender may not send; subclasses accept a site's messages."""
         self._say("alarm", identity.serial_number, f"sends {message.TOPIC!r}, which is not its own")
 
-    def _take_told(self, message: additions.ScenarioNews) -> None:
+    def _take_scenario_news(self, message: additions.ScenarioNews) -> None:
         try:
-            self._told.add(_HAPPENED.validate_json(message.event))
+            self._notices.add(_HAPPENED.validate_json(message.event))
         except ValidationError:
             self._say("alarm", additions.SITE.serial_number, "tells of an event of no known kind")
 
@@ -408,7 +408,7 @@ class MqttFleet(ReportedFleet):
             return
         before, robot.connection = robot.connection, message.connection_state
         if robot.connection != "ONLINE":
-            self._known.break_link(robot.name)
+            self._reported.break_link(robot.name)
             if before == "ONLINE":
                 word = robot.connection.lower().replace("_", " ")
                 self._say(
@@ -437,13 +437,13 @@ class MqttFleet(ReportedFleet):
             command, robot.waiting = robot.waiting, None
             self._order(robot, command)
         kind = self.world.assets[robot.name].kind
-        terrain = self._known.terrain
+        terrain = self._reported.terrain
         telemetry = telemetry_of(state, robot.name, kind, terrain, terrain.seconds(max(stamp, 0)))
         if telemetry is None:
             self._say("alarm", robot.name, "does not know where it is", "lost")
             return
         own = robot.command_id(telemetry.command_id)
-        self._known.report(robot.name, stamp, telemetry.model_copy(update={"command_id": own}))
+        self._reported.report(robot.name, stamp, telemetry.model_copy(update={"command_id": own}))
 
     def _take_detections(self, delivery: Delivery, seen: additions.Detections) -> None:
         name = delivery.topic.identity.serial_number

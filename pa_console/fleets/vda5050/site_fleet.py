@@ -79,9 +79,9 @@ class SiteFleet(MqttFleet):
         self._incidents += 1
         number = self._incidents
         if self._site.paced and self._site_tick == 0:
-            self._known.begin(0)
+            self._reported.begin(0)
         elif isinstance(incident, PlaceAsset):
-            self._known.carried(incident.asset)
+            self._reported.carried(incident.asset)
         header = self._header(additions.SITE, additions.IncidentMessage.TOPIC)
         self._tell_site(
             additions.IncidentMessage(**header, number=number, incident=incident.model_dump_json())

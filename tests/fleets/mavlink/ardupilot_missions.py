@@ -164,7 +164,7 @@ class RealVehicles(LinkedFleet):
 
     def _begin(self) -> None:
         """Show where everything is at the beginning."""
-        self._known.begin(0)
+        self._reported.begin(0)
         self._ground.begin_again()
         time.sleep(1.0)
         self._take_news()

@@ -241,7 +241,7 @@ class DronesOverMavlink(LinkedFleet):
 
     def _begin(self) -> None:
         """Show where everything is at the beginning."""
-        self._known.begin(0)
+        self._reported.begin(0)
         self.ground.begin_again()
         self.ground.show()
         time.sleep(0.2)

@@ -256,7 +256,7 @@ class Ros2Robots(LinkedFleet):
 
     def _begin(self) -> None:
         """Show where everything is at the beginning; raises TimeoutError for a mute robot."""
-        self._known.begin(0)
+        self._reported.begin(0)
         self._wheels.begin_again()
         self._wheels.show()
         until = time.monotonic() + READY_S
