@@ -16,7 +16,7 @@ STANDS_MPS = 0.05
 """The speed below which an asset counts as standing still."""
 
 SURE_SIGMAS = 3.0
-"""A gap is too small only if no position error within this many sigmas explains it."""
+"""The position error, in sigmas, that is allowed for before a gap counts as too small."""
 
 MOST_BLOCKED = 1
 """The number of blocked gates above which a track inside counts as shut in (ROE-12)."""
@@ -95,7 +95,7 @@ def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None
 
 
 class Pursuit(NamedTuple):
-    """The gate to which an asset was last sent after a track, and the number of gate changes."""
+    """The gate where an asset was last sent in pursuit of a track, and the number of changes."""
 
     gate: str
     changes: int
@@ -103,9 +103,9 @@ class Pursuit(NamedTuple):
 
 
 class Pursuits:
-    """The gates to which assets were sent after each track of a session (ROE-14).
+    """The gates to which assets were sent in pursuit of each track of a session (ROE-14).
 
-    An asset on its way to a track's gate counts as sent after the track. An asset on its way to an
+    An asset on its way to a track's gate counts as pursuing the track. An asset on its way to an
     uncovered gate does not: it goes there to cover the gate.
     """
 

@@ -27,7 +27,7 @@ Each = Literal["track", "gate"] | None
 
 MOMENT_S = 0.02
 SUBJECT_S = 0.002
-"""Seconds of processor time for all orderings at one moment: a base, and more per subject."""
+"""The processor time that each subject adds to the limit for one moment, seconds."""
 
 
 class Pending(NamedTuple):

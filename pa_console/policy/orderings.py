@@ -28,7 +28,7 @@ from pa_console.schema.rule import Ordering, Phase, Workflow
 from pa_console.schema.world import World
 
 CLOCK_S = 1e-6
-"""Times that differ by less than this are equal."""
+"""The difference below which two times count as equal, seconds."""
 
 
 class GateMoment(NamedTuple):
@@ -187,8 +187,8 @@ def follow(
 ) -> tuple[OrderingProgress, bool]:
     """Return the subject's progress after this moment, and whether it broke the ordering now.
 
-    The values of the last moment are taken to have held until this one. `limit_s` is the limit of
-    `within`.
+    The values of the previous moment are assumed to have held until this one. `limit_s` is the
+    limit of `within`.
     """
     match order.kind:
         case "before":
@@ -213,7 +213,7 @@ def follow(
 def leave(
     order: Ordering, was: OrderingProgress, time_s: float, limit_s: float
 ) -> tuple[OrderingProgress, bool]:
-    """Return the same for a subject that has disappeared; its events and states have ended."""
+    """Return the same as `follow` for a subject that has disappeared, whose states have ended."""
     if order.kind in ("never_while", "within"):
         return follow(order, was, event=False, other=False, time_s=time_s, limit_s=limit_s)
     return was, False

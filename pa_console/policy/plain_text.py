@@ -139,7 +139,7 @@ def _together(words: str) -> Iterator[str]:
 
 
 def _in_strokes(word: str) -> str:
-    """Return `words` with every i, l and lookalike of either replaced by the same sign."""
+    """Return `word` with every i, l and lookalike of either replaced by the same character."""
     return word.translate(_STROKES)
 
 

@@ -197,7 +197,8 @@ class Groups:
             self._members[row, sorted(members[word])] = 1.0
         # Rule sets and missions repeat their words, so that a cache pays off.
         self.fit: Callable[[str], Floats] = lru_cache(maxsize=4096)(self._fit)
-        """Returns how well a word fits each group, in [0, 1]; the array is shared and read-only."""
+        """A function that returns how well a word fits each group, in [0, 1], as a shared,
+        read-only array."""
 
     @classmethod
     def of(cls, vocabulary: Vocabulary) -> "Groups":

@@ -428,7 +428,7 @@ def _track(
 
 
 def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield place and name of every asset that deals with tracks there and stays."""
+    """Yield the place and the name of every asset that deals with tracks there and stays."""
     for name, asset in picture.assets.items():
         place = destinations.get(name) or asset.post
         if asset.task in ATTENDING_TASKS and asset.available and place:
@@ -436,7 +436,7 @@ def _attending(picture: Picture, destinations: Mapping[str, str]) -> Iterator[tu
 
 
 def _whole(picture: Picture, fields: Fields | None) -> Values:
-    """Return a picture after which no more orders follow."""
+    """Return a picture as the values of `after`, when no orders are left."""
     return _picture(
         picture,
         fields,

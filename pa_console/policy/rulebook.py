@@ -34,8 +34,8 @@ from pa_console.schema.document import Document, FieldPath, read_text
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
-"""The limit on names, values and signs in all expressions of a file, with a surcharge for each
-expression."""
+"""The limit on the tokens of all expressions in a file; each expression also counts for
+EXPRESSION_SIZE tokens."""
 EXPRESSION_SIZE = 20
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
@@ -328,7 +328,7 @@ def differing_core(rulebook: Rulebook) -> tuple[str, ...]:
 
 
 def with_core(rulebook: Rulebook, deadline_s: float = DEADLINE_S) -> Rulebook:
-    """Return the same rules with the core in force too; unchanged if the core already is."""
+    """Return the same rules with the core in force too; the same rulebook if it already is."""
     if rulebook.seal.core:
         return rulebook
     compiler = Compiler(deadline_s)

@@ -29,7 +29,7 @@ from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture, Trac
 from pa_console.schema.world import World
 
 MOST_SIZE = 200
-"""The largest number of names, values and signs in one condition."""
+"""The largest number of tokens in one condition."""
 LOOK_S = 0.05
 """Seconds of processor time for one condition over all subjects of a picture."""
 

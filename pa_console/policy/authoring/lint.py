@@ -39,12 +39,12 @@ FOUND_AMONG = 3
 """The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
 
 FEWEST = 0.5
-"""The share of a rule's paraphrases that must retrieve it."""
+"""The smallest share of a rule's paraphrases that must retrieve it."""
 NEAR = 88.0
-"""The likeness, in percent and in any word order, from which texts are near-duplicates."""
+"""The similarity in percent, regardless of word order, from which texts are near-duplicates."""
 
 CONFLICTS_OF = 10
-"""One situation is searched for a contradiction per this many drawn states."""
+"""The number of drawn states for each situation that is searched for a contradiction."""
 
 
 class NameLint:
@@ -151,7 +151,7 @@ def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
     """Yield rules that are among the first FOUND_AMONG for less than FEWEST of their paraphrases.
 
     Critical rules are never hard to retrieve, because the models always see them. Rules that are
-    not shown to models are left out, and so are rules that their own text does not find.
+    not shown to models are left out, and so are rules that not even their own text retrieves.
     """
     made = Paraphraser()
     retriever = Retriever(rules)

@@ -311,8 +311,8 @@ def new_rule(path: Path, domain: str) -> OpenRule:
 def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
     """Replace the opened rule in the file by `text`; return the rule as it is saved.
 
-    Everything else in the file stays byte for byte. Raises RulesChangedError if the file was
-    changed since it was opened, unless `anyway` is set: then only this rule is replaced in the
+    Everything else in the file stays the same, byte for byte. Raises RulesChangedError if the file
+    was changed since it was opened, unless `anyway` is set: then only this rule is replaced in the
     present file. Raises DocumentError if the set would be invalid or the rule is gone, and OSError
     if the file cannot be written; in both cases nothing is changed.
     """
@@ -324,7 +324,7 @@ def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
 
 
 def remove_rule(opened: OpenRule, *, anyway: bool = False) -> OpenRule:
-    """Remove the opened rule from the file; as save_rule, but ValueError for the only rule."""
+    """Remove the opened rule as save_rule replaces it; raises ValueError for the only rule."""
     return _replace(opened, lambda cut: cut.remove(opened.id), anyway=anyway)
 
 

@@ -47,9 +47,10 @@ _re2: Any = import_module("re2")
 T = TypeVar("T")
 MAX_PATTERN = 16_384
 MAX_PROGRAM = 12_000
-"""Steps of a pattern in RE2; in the worst case, each goes through the text once."""
+"""The limit on the steps of a pattern in RE2; in the worst case, each step goes through the text
+once."""
 MAX_TEXT = 10_000
-"""Characters of a text that can be searched; a mission has at most 2,000."""
+"""The limit on the characters of a text that can be searched; a mission has at most 2,000."""
 
 _ESCAPED_OR_CLASS = re.compile(r"\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\]|\s+|#[^\n]*")
 _LOOKS = re.compile(r"(\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\])|\(\?<?[=!]")
@@ -256,7 +257,7 @@ class Expression:
             raise ValueError(f"{GOING_ON!r} is not for rules to use")
         self.variables: frozenset[str] = allowed & named
         self.size = text.size
-        """The number of names, values and signs in the expression."""
+        """The number of tokens in the expression."""
         self._tokens = text.tokens
         self._read: tuple[Shapes, Fields] | None = None
 

@@ -3,8 +3,8 @@
 Rules call these functions in addition to their own patterns, which are literal and in English. This
 module covers other languages, euphemisms and idioms (`forbidden_words.yaml`). All functions read
 plain words (`plain_text.py`). A negation before a phrase reverses its meaning, unless it rules out
-restraint: *do not refrain from opening fire*. Some requests will not be detected. They still meet a
-vocabulary without any command for force, and checks that run whatever a mission says.
+restraint: *do not refrain from opening fire*. Some requests will not be detected. Even then, no
+command for force exists, and the other checks run whatever a mission says.
 """
 
 import re

@@ -173,7 +173,7 @@ class Source:
         """Refuse an expression that could build a huge value, since loops can build on each other.
 
         A value grows by `+`, and by being named several times in a list or map. Between two loops
-        it can grow by at most a factor of 1 + the number of those signs there.
+        it can grow by at most a factor of 1 + the number of those operators and names there.
         """
         signs = [0] * (len(self._loops) + 1)
         within: list[tuple[int, int]] = []
