@@ -70,7 +70,7 @@ class Outlook(Protocol):
         ...
 
     def picture(self) -> Picture:
-        """Return the picture according to the last reports, every `world.telemetry_period_s`."""
+        """Return the picture from the last reports; it changes every `world.telemetry_period_s`."""
         ...
 
     def forecast(self) -> Forecast:

@@ -179,7 +179,7 @@ class LinkedFleet(ReportedFleet):
         return command.agent not in self._manual
 
     def _refusal(self, command: DeviceCommand) -> str:
-        """Return why a new `command` may not go to its asset; '' if it may, once."""
+        """Return why a new `command` may not be sent; '' if it may, which uses up its token."""
         if command.agent in self._manual:
             return "it is under manual control"
         token = self._authorize(command) if self._authorize is not None else None
@@ -298,7 +298,7 @@ class LinkedFleet(ReportedFleet):
         return False
 
     def _take_answer(self, link: Link, answer: DeviceAnswer) -> None:
-        """Return `answer` at the next step, if it is to a command of that asset that has not ended.
+        """Queue `answer` for the next step, if it is for an unfinished command of that asset.
 
         An answer to an unknown command is reported and set aside.
         """

@@ -58,7 +58,8 @@ class ReportedFleet:
     def _take_sensor(self, stamp: int | None, seen: SensorReport, rate: float = 1.0) -> None:
         """Process detections of tick `stamp`, unless they are too old.
 
-        Detections from before the session are ignored; sensors repeat them if they still hold.
+        Detections from before the session are ignored, because sensors repeat those that are still
+        valid.
         """
         name = seen.sensor
         if stamp is not None and self._belief.is_recent(name, self._tick - stamp, rate):

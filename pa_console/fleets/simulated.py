@@ -70,7 +70,7 @@ class SimulatedFleet:
         return self.checkpoint.time_s
 
     def picture(self) -> Picture:
-        """Return the picture according to the last reports, every `world.telemetry_period_s`."""
+        """Return the picture from the last reports; it changes every `world.telemetry_period_s`."""
         return self.checkpoint.picture()
 
     def send(self, command: DeviceCommand) -> None:

@@ -186,7 +186,7 @@ class FenceWatch:
         self._autopilot.read_fence()
 
     def enforced(self, problem: str) -> None:
-        """Process whether the drone enforces its geofence, which equals the world's.
+        """Record whether the drone enforces its geofence, which equals the world's.
 
         `problem` is the reason if it does not.
         """

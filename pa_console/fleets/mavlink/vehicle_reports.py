@@ -118,7 +118,7 @@ class ReportingVehicle(ABC):
                 self._say("alarm", text)
 
     def checked(self, may_arm: bool) -> None:
-        """Process whether the vehicle's own checks allow arming."""
+        """Record whether the vehicle's own checks allow arming."""
         self.state.may_arm = may_arm
 
     def lacks(self, messages: str) -> None:

@@ -94,7 +94,7 @@ class SharedSession:
         yield OutgoingMessage(str(topic), message.write(), qos=1)
 
     def _lines(self, first: int, last: int) -> bytes:
-        """Return the lines with line ends; empty if the file does not have them."""
+        """Return the lines with their line ends; empty if the file lacks one of them."""
         oldest = len(self._ends) - len(self._recent)
         if first >= oldest:
             return b"".join(list(self._recent)[first - oldest : last - oldest + 1])
