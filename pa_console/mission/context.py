@@ -285,7 +285,7 @@ class MissionContext:
     """The order's words that describe an asset, and the assets that they may mean."""
 
     def as_described(self, text: str, reading: str) -> str:
-        """Return `text` with the described asset by name, if `reading` names exactly one choice."""
+        """Return `text` with a name for the description, if `reading` names exactly one choice."""
         words, choices = self.described
         named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", reading)]
         return with_answers(text, {words: named[0]}) if len(named) == 1 else text

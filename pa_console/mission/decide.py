@@ -140,8 +140,8 @@ async def answered(
     """Emit `request` and wait for an admissible decision, by as many people as the rules require.
 
     An approval by too few people is kept until the request is answered. Signatures from elsewhere
-    only add to it: every approval needs the operator of this station. A plan whose commands this
-    station could not send is blocked.
+    are added to it, but every approval needs the operator of this station. A plan whose commands
+    this station could not send is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     origin = {"approvals": gate.needed(request, rules), "proposed_by": context.mission.agent}
@@ -280,7 +280,7 @@ async def ask_back(
 
 
 def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | None:
-    """Return the question which place is meant; None unless the place alone is unclear.
+    """Return a question about the place that is meant; None unless only the place is unclear.
 
     Each choice is the whole order with one place of the site.
     """
@@ -303,7 +303,7 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
 def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUnderstood | None:
     """Return `question`, or None if the models have settled which assets the words describe.
 
-    They have settled it if the plan's reading is likely, no other reading may be right, no word is
+    They have settled it if the plan's reading is likely, no other reading is plausible, no word is
     evidence against it, and the plan uses one of the question's choices.
     """
     if question is None:

@@ -40,7 +40,7 @@ from pa_console.schema.world import World
 _DECIDES: tuple[FindingStatus, ...] = (
     "violates", "error", "complies", "judged_only", "not_applicable",
 )  # fmt: skip
-"""The statuses of findings; of the findings for several steps, the first status here counts."""
+"""The statuses of findings, the most decisive first, to combine the findings of several steps."""
 
 
 class CheckBasis(Protocol):
@@ -66,7 +66,7 @@ def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
     """Return a rehearsal of `plan` in which every agent reaches its goal at once.
 
     This is for the ablation without rehearsal. Nothing happens on the way, so it finds no gap,
-    obstacle or encounter, and only the zones of the goals. The duration is that of the longest
+    obstacle or encounter, and no zones but those of the goals. The duration is that of the longest
     straight way at full speed, in seconds.
     """
     goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
@@ -190,7 +190,7 @@ class Examination:
 def ruled_out(plan: Plan, world: World, *texts: str) -> tuple[Finding, ...]:
     """Return a critical finding for each asset or place that `plan` uses and the order excludes.
 
-    `texts` are the texts of the order. To hold or to report does not count as use.
+    `texts` are the texts of the order. Holding and reporting do not count as use.
     """
     excluded = dict.fromkeys(name for text in {*texts} for name in excluded_names(world, text))
     acting = [action for action in plan.actions if action.verb not in STILL]
@@ -235,7 +235,7 @@ async def examine(  # noqa: PLR0917
     A plan may do nothing that an order in `standing` bans. `order` is the whole order if `mission`
     is a phase of it: its exclusions hold in each phase. Ordering rules continue from the history of
     `monitor`, which has followed the mission so far. A `variant` may leave out the rules or the
-    rehearsal, but an order that no asset can carry out is always found. Every step of a plan is
+    rehearsal, but an order that no asset can carry out is always reported. Every step of a plan is
     checked as a plan of its own, against the forecast for its start. The rules are checked in a
     separate thread, so that a slow rule file delays neither telemetry nor STOP.
     """
@@ -310,7 +310,7 @@ def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehe
 
 
 def _worst_of(steps: Sequence[Sequence[Finding]]) -> tuple[Finding, ...]:
-    """Return one finding per rule: of the first step that breaks it, or the most decisive one."""
+    """Return one finding per rule: from the first step that breaks it, or the most decisive one."""
     decisive: list[Finding] = []
     for findings in zip(*steps, strict=True):
         ranked = min(

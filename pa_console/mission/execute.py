@@ -22,7 +22,7 @@ EVIDENCE_S = 8.0
 """The longest wait for fresh telemetry after every command has ended, seconds."""
 
 SAFETY_S = 10.0
-"""How long the commands of a safe state are followed and resent, seconds."""
+"""The time for which the commands of a safe state are followed and resent, seconds."""
 
 TOLD_S = 2.0
 """The longest wait for telemetry that shows the assets in their safe state, seconds."""

@@ -136,7 +136,7 @@ class CommandGate:
     def _not_unasked(
         self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook
     ) -> str:
-        """Return why a standing order may not decide so; '' if it may, or if none decided."""
+        """Return why a standing order may not make `decision`; '' if it may, or if none made it."""
         name = decision.standing_order
         if not name or decision.kind != "approve":
             return ""
@@ -147,7 +147,7 @@ class CommandGate:
         return not_unasked(order, needed, rules.unasked)
 
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Allow the commands of an approved plan from now on, in place of those of the plan before.
+        """Allow the commands of an approved plan from now on, and no longer those of the last plan.
 
         Raises ValueError while everything is stopped, and unless `decision` approves `request`, is
         admissible, and was made by as many people as the `rules` require.

@@ -19,7 +19,7 @@ from pa_console.schema.telemetry import Picture
 
 MOMENT_S = 0.02
 TRACK_S = 0.002
-"""Seconds of processor time for all workflows at one moment, and more of it for each track."""
+"""The processor time that each workflow adds to the limit for one moment, seconds."""
 
 
 class WorkflowProgress:
@@ -162,7 +162,7 @@ class Results:
         return following is not None and following.text == task.text
 
     def lacking(self, following: Mission, last: Mission) -> tuple[str, ...]:
-        """Return what the plan for `following` has to make up for after the one for `last`."""
+        """Return the faults of the plan for `last` that the plan for `following` has to correct."""
         verification = self.verifications[-1]
         failed = (verification.reason,) if verification.outcome == "fail" else ()
         return (*failed, *(self.unanswered if following.text == last.text else ()))

@@ -30,7 +30,7 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Reader, WeighedReading, read_apart
 
 VOUCHED = 0.8
-"""The judge's confidence that is enough to confirm a reading without a confidence of its own."""
+"""The lowest confidence of the judge that confirms a reading reported without a confidence."""
 
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
@@ -144,7 +144,7 @@ class PlanForDecision:
 
     @property
     def read_apart(self) -> bool:
-        """True if another reading of the order, or of a step of it, may be right."""
+        """True if another reading of the order, or of one of its steps, is plausible."""
         if self.steps:
             return any(step.read_apart for step in self.steps)
         return self.served is not None and read_apart(self.served, self.readings)

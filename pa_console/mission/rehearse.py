@@ -36,7 +36,7 @@ TOLERANCE_M = 0.5
 HORIZON_S = 240.0
 """The longest time of a rehearsed step, without its stays, seconds."""
 SETTLE_S = 2.0
-"""How long a rehearsal continues after the last command of a step has ended, seconds."""
+"""The time for which a rehearsal continues after the last command of a step has ended, seconds."""
 MOST_STEPS_PER_SLICE = 60
 ASSET_STEPS_PER_SLICE = 6000
 """The size of a slice, in steps times assets: a few milliseconds."""
@@ -236,7 +236,7 @@ class _Recorder:
     def __init__(
         self, world: World, before: Picture, plan: Plan, gaps_s: Mapping[str, float]
     ) -> None:
-        """Begin with the picture `before`; `gaps_s` is how long each gate was bare by then."""
+        """Begin with the picture `before`; `gaps_s` is the time each gate was uncovered by then."""
         self._world, self._before, self._last = world, before, before
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]
@@ -245,7 +245,7 @@ class _Recorder:
         self._movers = {a.agent for a in plan.actions if a.verb not in STILL}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
-        """How long each gate has been without cover in the rehearsal up to now, seconds."""
+        """The time that each gate has been without cover in the rehearsal so far, seconds."""
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
         self._orders: tuple[OrderMoment, ...] = ()

@@ -63,7 +63,7 @@ INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 READY_S = 90.0
 """The longest wait for assets that cannot start yet, seconds; an autopilot takes half a minute."""
 WATCH_S = 12.0
-"""How long the situation is watched after a plan, seconds."""
+"""The time for which the situation is watched after a plan, seconds."""
 
 
 @dataclass(frozen=True)

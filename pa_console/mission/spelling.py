@@ -5,9 +5,9 @@ words, rule or name of the world. It is replaced by the likeliest word within a 
 noisy channel model). Known words stay as they are, so a rule's words never vanish, and the original
 text is kept as well.
 
-A model reads an order into any text. So the operator is asked about a text, and no plan is made for
-it, if it is not English, has no words, is program text, or mentions nothing of the site. Only the
-words decide, by closed lists and the dictionary: nothing here is fitted to texts.
+A model finds an order in any text. So the operator is asked about a text, and no plan is made for
+it, if it is not English, has no words, is program text, or mentions nothing of the site. The
+decision depends only on fixed word lists and the dictionary; nothing here is fitted to texts.
 """
 
 import json
@@ -46,7 +46,8 @@ _TURNING = frozenset(
 """Short words that change the meaning; only the same letters, swapped or doubled, count as a
 slip."""
 _RARE = 100
-"""The count, in the dictionary's 1.6 billion words, up to which a word may be of any language."""
+"""The count, in the dictionary's 1.6 billion words, up to which a word may belong to any
+language."""
 _BRITISH = (
     (re.compile(r"(?<=\w\w)is(e[drs]?|ers|ing|ations?)$"), r"iz\1"),
     (re.compile(r"(?<=\w\w)ys(e[drs]?|ers|ing)$"), r"yz\1"),
@@ -117,7 +118,8 @@ _TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])"
 """Words that may be misspelt: no names with digits or in camel case, no contractions, and no words
 of two letters."""
 _FOREIGN = 0.25
-"""The share of unknown words without a near word above which they are not English."""
+"""The share of the unknown words that may have no near word; above it, the text is not corrected,
+because it is not English."""
 
 
 class English:

@@ -41,7 +41,7 @@ MOST_AT_ONCE = 100
 """The most holds resent in one step, those that have waited longest first."""
 
 SAFETY_LIMIT_S = 60.0
-"""How long a way to safety is resent to assets that have not answered, seconds."""
+"""The time for which a way to safety is resent to assets that have not answered, seconds."""
 
 
 @dataclass
@@ -139,10 +139,10 @@ class StopConfirmation:
     def resends(self, tick: int, overdue: Mapping[str, str]) -> list[tuple[DeviceCommand, int]]:
         """Return the holds to resend at `tick`, each with its number of resends.
 
-        An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and so again once a silent asset
-        reports; after that at growing intervals, like any command. A hold with a final reply is due
-        while its asset is `overdue`. A resent hold keeps its id, so that a device recognizes the
-        repetition.
+        An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and then at growing intervals,
+        like any command. Once a silent asset reports again, the quick resends begin anew. A hold
+        with a final reply is due while its asset is `overdue`. A resent hold keeps its id, so that
+        a device recognizes the repetition.
         """
         due = [
             held

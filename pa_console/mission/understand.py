@@ -140,7 +140,7 @@ def _leaning(context: MissionContext, read: Understood) -> Understood:
 
 
 def _no_order(context: MissionContext) -> NoOrder | None:
-    """Return the sign that typed words order nothing now; None if they may be an order.
+    """Return the sign that typed words are no order for now; None if they may be one.
 
     Missions of a standing order were approved with it. A standing order is an order by its form,
     although it waits.

@@ -59,8 +59,8 @@ def verify(
 ) -> Verification:
     """Compare the present telemetry with the effects that an executed plan should have (step 7).
 
-    It is not called for a plan that was halted. `step` is the number of the step that `plan` is; 0
-    for a whole plan.
+    It is not called for a plan that was halted. `step` is the number of `plan` among the steps of
+    the approved plan; 0 for a whole plan.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()
@@ -226,7 +226,8 @@ class OutcomeCase:
     """An executed plan with its verification, and the pictures `before` and after it.
 
     `selection` is the part of the picture that the plan was made from; None means all of it.
-    `feedback` is the judge's on the plan, if there is one, so that the order is read only once.
+    `feedback` is the judge's feedback on the plan, if there is one, so that the order is read only
+    once.
     """
 
     task: Mission
@@ -293,7 +294,7 @@ class OutcomeVerdicts:
         self.all_settled.clear()
 
     def go_on(self) -> None:
-        """Start to request outstanding verdicts; the mission does not need the model now."""
+        """Begin to request outstanding verdicts, as the mission does not need the model now."""
         if self._waiting and not self._between_missions and not self._turn.locked():
             self._start(self.work())
 
@@ -344,5 +345,5 @@ async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:
 
 
 def unjudged(attempt: int, reason: str) -> ev.OutcomeJudged:
-    """Return the event that there is no verdict on the outcome of `attempt`."""
+    """Return the event that reports that there is no verdict on the outcome of `attempt`."""
     return ev.OutcomeJudged(attempt=attempt, verdict=None, error=reason)

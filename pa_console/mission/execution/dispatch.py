@@ -10,7 +10,7 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 Step = tuple[int, tuple[CommandReply, ...]]
 
 ACKNOWLEDGE_S = 8.0
-"""How long a command without any reply is resent before it is given up, seconds."""
+"""The time for which a command without any reply is resent before it is given up, seconds."""
 RESEND_S = 1.0
 """The wait before the first resend of a command without a reply, seconds."""
 RESEND_GROWTH = 1.2

@@ -9,7 +9,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
-"""The statuses with which a mission awaits its assets; an operator has decided the others."""
+"""The statuses with which a mission awaits its assets; the others are decided by an operator."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class ManualControl:
             self._awaiting[mission.id] = AwaitingMission(mission, frozenset(assets))
 
     def come_back(self) -> list[AwaitingMission]:
-        """Remove and return the missions whose assets are all back, in the order of their ends."""
+        """Remove and return the missions whose assets are all back, the first that ended first."""
         back = [mission for mission in self._awaiting.values() if not mission.assets & self.assets]
         for mission in back:
             del self._awaiting[mission.mission.id]

@@ -45,7 +45,7 @@ class Premises:
                 yield f"{agent} {why} on its way"
 
     def _lost_gates(self, picture: Picture) -> Iterator[str]:
-        """Yield the gates that are without known cover for longer than rehearsed and allowed.
+        """Yield the gates without known cover for longer than the rehearsal and the world allow.
 
         A gate that had no cover when the plan was approved cannot lose it.
         """
@@ -84,10 +84,10 @@ class Premises:
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
     def _waits_for_nobody_else(self, track: Track, picture: Picture) -> bool:
-        """Return whether a block of its gate would affect this track alone (ROE-02).
+        """Return whether a block of the track's gate would be directed at this track (ROE-02).
 
         A block that was planned for an empty gate must not meet a later arrival, whose identity is
-        unknown. If a threat is already there, the track waits behind it.
+        unknown. If a warned threat is already there, the block is directed at that one.
         """
         others = (other for other in picture.tracks.values() if other.id != track.id)
         threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)
@@ -96,7 +96,7 @@ class Premises:
     def _would_be_warned_unknown(self, track: Track, picture: Picture) -> bool:
         """Return whether a warning at its gate would address this unidentified track (WF-01).
 
-        It would not while an identified track there has yet to be warned.
+        If an identified track there has yet to be warned, the warning is for that one.
         """
         if track.identity != "unknown" or track.status == "leaving":
             return False
@@ -119,7 +119,8 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
 def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
     """Return the way to safety of each action of a plan in steps, in the order of its actions.
 
-    `before` has the picture at the start of each rehearsed step; agents of later steps hold.
+    `before` has the picture at the start of each rehearsed step; agents of steps that were not
+    rehearsed hold.
     """
     to_safety = [Action(agent=action.agent, command="hold") for action in plan.actions]
     for numbers, picture in zip(plan.steps, before, strict=False):

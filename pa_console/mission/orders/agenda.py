@@ -1,7 +1,7 @@
 """The moments of timed orders: next, due, late, missed and skipped ones, and the return of assets.
 
-Every moment of an order is taken once, in turn, and ends in a mission or in a reason why there is
-none. A clock that is set back repeats nothing. After a jump of the clock, or a sleep of the
+Every moment of an order is processed once, in turn, and leads to a mission or to a reason why none
+starts. A clock that is set back repeats nothing. After a jump of the clock, or a sleep of the
 machine, a mission starts late only within the grace period, and an event reports the delay.
 """
 
@@ -24,8 +24,8 @@ STOPPED = "everything is stopped"
 class TimingLimits:
     """The limits of timed orders and patrols.
 
-    `grace_s` is the most seconds by which a mission may start late; `shortest_s` is the shortest
-    interval, in seconds.
+    `grace_s` is the longest delay, in seconds, with which a mission may start; `shortest_s` is the
+    shortest interval, in seconds.
     """
 
     grace_s: float = 60.0
@@ -95,7 +95,7 @@ class Agenda:
     _open: set[str] = field(default_factory=set[str])
     """The order's missions that are not over."""
     _returned: bool = False
-    """True once the return of the assets that it sent has been settled."""
+    """True once it has been decided whether the assets that it sent return."""
     _starting: bool = False
     """True from a moment that is due until its mission is known."""
 
@@ -140,7 +140,7 @@ class Agenda:
         return at
 
     def look(self, now: datetime, grace_s: float, *, stopped: bool) -> Iterable[MomentResult]:
-        """Take every moment that has come, and yield its result."""
+        """Process every moment that is due, and yield its result."""
         if self._back_at is not None and now >= self._back_at:
             at, order = self._back_at, self._back
             self._back_at, self._back = None, ""
@@ -184,7 +184,7 @@ class Agenda:
         self._starting = False
 
     def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
-        """Record the end of a mission that made `moves`; return a remark on the way back, or ''."""
+        """Record the end of a mission that made `moves`; return why no asset returns, or ''."""
         self._open.discard(mission)
         schedule = self.order.schedule
         if schedule is None or not schedule.stays or self._back_at is not None or self._returned:

@@ -67,7 +67,7 @@ StandingResult = Due | Withheld | Ended | StandingOrderScheduled
 
 @dataclass
 class _Occurrence:
-    """When the condition of an occurrence began to hold for its subject, and when it last held."""
+    """The times at which the condition of an occurrence began to hold and last held."""
 
     since_s: float
     seen_s: float
@@ -97,7 +97,7 @@ class _InForce:
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
     problem: str = ""
-    """The reason why its condition could not be evaluated last; '' if it could."""
+    """The reason why the last evaluation of its condition failed; '' if it succeeded."""
 
     @property
     def order(self) -> StandingOrder:
@@ -221,7 +221,7 @@ class StandingOrders:
         """Process a new picture; return the missions to start and those withheld, with the reasons.
 
         Each mission that is returned counts as started. No mission starts about a subject in
-        `busy`, about which another mission waits or is under way. Occurrences that begin while
+        `busy`, because another mission about it waits or is under way. Occurrences that begin while
         everything is `stopped` are recorded as handled, so that they start nothing after the stop
         either.
         """
@@ -248,7 +248,7 @@ class StandingOrders:
     def _keep(
         self, entry: _InForce, agenda: Agenda, time_s: float, *, stopped: bool
     ) -> Iterator[StandingResult]:
-        """Take the moments of an order that have come; yield its next moment if it has changed."""
+        """Process the moments of an order that are due; yield its next moment if it has changed."""
         now = self.time.now
         for moment in agenda.look(now, self.limits.grace_s, stopped=stopped):
             if moment.reason:

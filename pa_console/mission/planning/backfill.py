@@ -121,7 +121,7 @@ def bare_s(stands: StandingAssets, goals: Moves) -> float:
 
 
 def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iterator[str]:
-    """Yield `names` without the last guard of each gate except `place`; it stays (WF-03)."""
+    """Yield `names` without the last guard of each gate, who stays (WF-03), except at `place`."""
     left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
     for name in names:
         gate = stands.post(name)

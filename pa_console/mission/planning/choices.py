@@ -325,7 +325,7 @@ def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the choices among `ways` for the same commands, and then the first way as it is."""
+    """Yield the commands of the first of `ways`: with every possible agent, then with its own."""
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]
@@ -372,7 +372,7 @@ def _late_s(stands: StandingAssets, way: Way) -> float:
 def _assignments(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
-    """Yield the ways to give each of `slots` to an asset without a command; `had` comes first."""
+    """Yield the assignments of `slots` to distinct assets that begin with those in `had`."""
     number = len(had)
     if number == len(slots):
         yield had

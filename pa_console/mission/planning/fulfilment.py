@@ -49,7 +49,7 @@ def of_everyone(ask: Ask) -> bool:
 
 
 def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words how the assets sent differ from those requested."""
+    """Yield a description of each difference between the assets sent and those requested."""
     place, team = case.moves.world.base if ask.task == "home" else ask.place, ask.who
     yield from _absent(case, ask, place)
     there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
@@ -129,7 +129,7 @@ def _looked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words that named assets do not go to the track, or that a step is left out."""
+    """Describe the named assets that do not go to the track, or else the step that is left out."""
     names = _fit(case, ask)
     if names and case.moves.tracks(ask.place):
         if all(name in case.moves.alone for name in names) and not case.spare(ask):
@@ -173,7 +173,7 @@ def is_to_be_warned(track: Track) -> bool:
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words that a lane is not blocked, unless its contact has to be met first (WF-01)."""
+    """Yield the complaint that a lane is not blocked, unless its contact comes first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(ask.place))
     moves, fit = case.moves, _fit(case, ask)
     can = fit or case.spare(ask, "ugv") or moves.there(ask.place, "ugv")
@@ -202,7 +202,7 @@ def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words that not exactly one guard stays, or that none of several goes home."""
+    """Yield a complaint if several guards stay or none does, or if none goes home."""
     there = {*case.moves.guards(ask.place), *case.moves.sent(ask.place)}
     left = [name for name in there if case.moves.ends(name) == ask.place]
     if ask.place in case.moves.world.gates and len(left) != 1:

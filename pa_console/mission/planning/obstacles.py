@@ -83,7 +83,7 @@ def _in_words(problem: Obstacle, task: Task, picture: Picture) -> str:
 
 
 def _nobody(ask: Ask, picture: Picture) -> str:
-    """Return in words that every asset that could do it is down; '' if one is not."""
+    """Return the sentence that every asset that could do it is down; '' if one is not."""
     kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}

@@ -23,7 +23,7 @@ COVERS_PER_GATE = 2
 MOST_MEANT = 6
 MOST_LOW = 3
 LESS = (0.75, 0.5, 0.25)
-"""The shares of these numbers that are tried, in turn, until the prompt is small enough."""
+"""The shares of the numbers above that are tried, in turn, until the prompt is small enough."""
 
 Pick = tuple[str, str]
 """A name, and the reason why it is selected."""

@@ -52,7 +52,7 @@ def served_plan(reading: str, slots: Sequence[CommandSlot], digest: Digest) -> P
 
 
 def still(picture: Picture) -> tuple[CommandSlot, ...]:
-    """Return a hold for one asset, the order if no part of the reading can be carried out."""
+    """Return a hold for one asset: the plan if no part of the reading can be carried out."""
     up = (name for name, asset in picture.assets.items() if asset.available)
     return tuple(CommandSlot((name,), "hold") for name in list(up)[:1])
 
@@ -78,7 +78,7 @@ class PlanQuestion:
 
 @dataclass(frozen=True)
 class NumberedPlan:
-    """A plan with its number in the mission; `confidence` is the planner's in its reading."""
+    """A plan with its number in the mission, and the planner's `confidence` in its reading."""
 
     number: int
     plan: Plan
@@ -89,7 +89,7 @@ class NumberedPlan:
 
 @dataclass(frozen=True)
 class PlannerAnswer:
-    """A question for a task, and the whole answer of `model` to it, number `attempt`."""
+    """A question for a task, and the complete answer of `model`, with its number `attempt`."""
 
     model: RoleModel
     retrieved: RetrievedRules

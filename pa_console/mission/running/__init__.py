@@ -1,1 +1,1 @@
-"""What the run of a mission uses: questions about its order, and a plan that waits."""
+"""Parts of a mission's run: questions about its order, and a plan that waits for a decision."""

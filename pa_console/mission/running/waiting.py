@@ -20,8 +20,8 @@ DRIFT_PCT = 3.0
 DRIFT_M = 10.0
 """The change of an agent's position that makes a rehearsal outdated, metres."""
 AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0
-"""The shortest time between two rehearsals, seconds: after a sudden change, and after a drift of a
-young and of an old plan."""
+"""The shortest times between two rehearsals, seconds: after a sudden change, after a drift while
+the plan is new, and after a drift once it has waited long."""
 
 
 class _PlanChangedError(Exception):

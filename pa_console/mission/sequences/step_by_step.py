@@ -67,7 +67,7 @@ class StepByStep:
         return frozenset(number for step in self._plan.steps[position:] for number in step)
 
     async def _step(self, position: int, due: tuple[int, ...]) -> MissionResult | None:
-        """Check, execute and verify the actions `due`; return why others are held, if they are."""
+        """Check, execute and verify the actions `due`; return a result if others are held back."""
         context, count = self.context, len(self._plan.steps)
         part = self._plan.part(due)
         facts = PlanFacts(
