@@ -50,8 +50,8 @@ def open_private(path: Path, flags: int) -> int:
 def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
     """Replace `path` with a file that holds `content`, completely or not at all.
 
-    A reader sees either the old file or the new one, which is then already on the disk. Another
-    `mode` than the default makes the file usable by others. Raises OSError.
+    A reader sees either the old file or the new one, which is then already on the disk. A `mode`
+    other than the default can open the file to other users. Raises OSError.
     """
     file, new = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:

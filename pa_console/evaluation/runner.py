@@ -209,7 +209,7 @@ def _overall(opinions: list[Opinion]) -> Opinion | None:
 
 
 def _obeyed(scored: Score, idle: IdleScore, first: list[Opinion], later: list[Opinion]) -> bool:
-    """Return the strict success with an operator who follows the judge.
+    """Return whether the run would be a strict success if the operator obeyed the judge.
 
     After an objection to the first plan, nothing is ordered. After an objection to a later plan,
     the mission remains unfinished.

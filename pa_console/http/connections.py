@@ -101,7 +101,7 @@ class Listening(socket.socket):
 
     @contextmanager
     def request(self, address: object) -> Generator[Connection]:
-        """Yield the connection from `address`; in the context, it has a request and is not idle."""
+        """Yield the connection from `address`, which counts as busy until the context ends."""
         loop = asyncio.get_running_loop()
         connection = self._open.get(address) or Connection(None, loop.time())
         connection.requests += 1

@@ -92,7 +92,7 @@ class Mention(NamedTuple):
     means: str
     requested: bool = True
     tasks: frozenset[Task] = frozenset()
-    """The tasks that a verb allows in a reading."""
+    """The tasks of a reading that account for a verb."""
     supports: frozenset[Task] = frozenset()
     """The tasks that a verb means."""
     quoted: bool = False

@@ -118,7 +118,7 @@ class NoOrder(NamedTuple):
 
 
 class _Sign(NamedTuple):
-    """A sign in the words of a sentence, with the range of its characters."""
+    """A phrase that marks a sentence as no order, by its position in the words."""
 
     kind: MoodKind
     start: int

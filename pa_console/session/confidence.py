@@ -45,7 +45,7 @@ class Evidence(NamedTuple):
     """The evidence for one reading of an order."""
 
     planner: float | None = None
-    """The planner's chance for it; None if the planner has another reading or reports no chance."""
+    """The planner's confidence in the reading; None if it has another reading or reports none."""
     judge: float | None = None
     second: float | None = None
     gaps: int = 0

@@ -78,7 +78,7 @@ class SessionState:
     """The missions that wait for assets under manual control, with these assets."""
     tak: TakTrace = field(default_factory=TakTrace)
     stills: dict[str, ev.CameraStill] = field(default_factory=dict[str, ev.CameraStill])
-    """The last image of each track of which one was shown recently."""
+    """The latest image of each track that was shown recently."""
 
     @property
     def time_s(self) -> float:

@@ -86,9 +86,9 @@ def way_left(asset: AssetState) -> float:
 
 
 def _pass_corners(asset: AssetState, corner_m: float) -> float:
-    """Drop the waypoints that are reached: corners roughly, the last one closely.
+    """Drop the waypoints that are reached: corners within `corner_m`, the last within ARRIVAL_M.
 
-    Return the metres to the first of the remaining ones, 0.0 if there are none.
+    Return the distance in metres to the next remaining waypoint, 0.0 if there is none.
     """
     here, route = (asset.x, asset.y), asset.route
     last = len(route) - 1

@@ -36,7 +36,8 @@ Velocity = tuple[float, float]
 class Neighbours(NamedTuple):
     """The neighbours that a ground asset may give way to or touch, and some farther ones.
 
-    They are reused until an asset has moved `until_m` metres since the traffic began.
+    They are reused until an asset may have moved more than `until_m` metres since the `Traffic` was
+    created.
     """
 
     near: list[AssetState]

@@ -195,7 +195,7 @@ def _patience(world: World) -> int:
 def update_post(
     scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry, stirred: set[str]
 ) -> None:
-    """Record the gate at which an asset reports to be; add gates that this changes to `stirred`.
+    """Record the gate where an asset reports that it is; add the gates affected to `stirred`.
 
     A failed asset is at no gate; for a stale, silent or suspect asset the gate is uncertain. An
     asset under manual control covers its gate while its reported position is there.

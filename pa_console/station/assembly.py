@@ -144,11 +144,11 @@ def open_station(
     missions automatically. Without a `fleet`, the station has a simulated one of its own, which
     begins with `seed` and `scenario`. An evaluation may pass a `variant` of the pipeline. With
     `watch`, a changed rule file is loaded. Without `read_unasked`, the model reads ahead only while
-    an operator types, for example because the picture is about to change. A `resumed` session
-    continues with its own fleet, seed and scenario. With an `authority`, approvals and commands are
-    signed: simulated vehicles verify the signatures, and a `fleet` of the caller gets its tokens
-    from the authority. Models on `servers` are asked before the engine's model, which takes over if
-    they do not answer. Raises ValueError for a `scenario` in a fleet that is not simulated.
+    an operator types. A `resumed` session continues with its own fleet, seed and scenario. With an
+    `authority`, approvals and commands are signed: simulated vehicles verify the signatures, and a
+    `fleet` of the caller gets its tokens from the authority. Models on `servers` are asked before
+    the engine's model, which takes over if they do not answer. Raises ValueError for a `scenario`
+    in a fleet that is not simulated.
     """
     now = time.time
     if resumed is not None:

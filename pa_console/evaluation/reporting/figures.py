@@ -83,7 +83,8 @@ SHOWN = {
 """The latencies in the figure, without simulated execution, which is much longer."""
 
 LEAST_SHARE = 0.01
-"""The share of the total up to which stages are drawn as one, if it holds for all models."""
+"""The share of the total up to which a stage is merged with other small ones; it must be that small
+for every model."""
 
 REST = "the rest, 1% or less each"
 

@@ -102,7 +102,7 @@ _CONDITIONS = tuple(
 _JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 _OPEN = ("another asset", "another one", "somebody", "somebody else")
-"""The plain words that leave open which asset does something."""
+"""The plain words for an asset that is not specified."""
 
 
 def read_reason(reason: str) -> Reading | None:

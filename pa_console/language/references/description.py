@@ -322,7 +322,7 @@ class SentenceGroups:
 
     @property
     def rest(self) -> Group | None:
-        """The last set of which some members are picked and some are left."""
+        """The last set of which some members have been picked, but not all."""
         picked = (g for g in reversed(self.opened) if 0 < len(g.picked) < len(g.members))
         return next(picked, None)
 

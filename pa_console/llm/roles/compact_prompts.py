@@ -135,7 +135,7 @@ def _mission(world: World, words: str) -> str:
 
 
 def _places(digest: Digest) -> Iterator[str]:
-    """Yield the assets at each place: gates first, `alone` for a gate's only cover."""
+    """Yield a line with the assets at each place, gates first; a gate's only cover is marked."""
     for frame, names in standing(digest).items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:

@@ -36,8 +36,8 @@ Opinion = Literal["Success", "Failure"]
 
 _REASON, _ACTIONS = '{"reason": "', '", "actions": ['
 READ = r'^\{"reason": "[^"]*("|; (?!now: )((?!, else: )[^;:"])*: )'
-"""A regular expression for a plan's beginning up to the end of its reading: to the first deciding
-fact, which has its name before a colon, or to the end of the reason."""
+"""A regular expression for the beginning of a plan, up to the end of its reading. A reading ends
+with the reason, or where the first deciding fact begins: a name and a colon."""
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'

@@ -64,7 +64,7 @@ class SessionStart:
         self._taken, self._left = taken, left
 
     def begin(self, picture: Picture) -> None:
-        """Emit the first events, with the first `picture`, and queue the missions that go on."""
+        """Emit the first events, with the first `picture`, and queue the missions to continue."""
         if self._resumed is not None:
             self._go_on(self._resumed.before, picture)
             return

@@ -175,7 +175,7 @@ def _answers(record: RunRecord) -> list[Part]:
 
 
 def _latency(metrics: Metrics) -> list[WrappedRow]:
-    """Return the seconds of every stage that took any; those of the execution are simulated."""
+    """Return the duration of every stage that took time; execution is in simulated seconds."""
     taken = [(name, getattr(metrics, field)) for name, field in _STAGES]
     parts: list[Part] = [(duration_text(metrics.end_to_end_s), f"bold {NOTE}"), " in all:"]
     for name, seconds in taken:
