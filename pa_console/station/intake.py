@@ -26,26 +26,27 @@ from pa_console.station.alarms.alarm_book import MOST_ALIKE, AlarmBook
 from pa_console.station.mission_queue import MissionQueue
 
 LEAST_LETTERS = 3
-"""A shorter text is a key that was meant for a panel, and no order."""
+"""The fewest letters of an order; a shorter text is a key that was meant for a panel."""
 IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
 MOST_FROM_ALARMS = 32
-"""Most missions from alarms that wait at a time: hours of work for one operator. The other alarms
-get their missions once there is room, the most urgent first. At most MOST_ALIKE of the missions are
-about contacts of the same sensors, so that a sensor that lies leaves room for the others."""
+"""The most missions from alarms that wait at a time: hours of work for one operator. The other
+alarms get their missions once there is room, the most urgent first. At most MOST_ALIKE of the
+missions are about contacts of the same sensors, so that a sensor with false reports leaves room for
+the others."""
 
 
 class ReadText(NamedTuple):
-    """A text of an operator's, read once: a mission, or a question about the record."""
+    """An operator's text, as it was read: a mission, or a question about the record."""
 
     typed: str
     """The words as typed."""
     text: str
-    """The words as they show, with misspellings put right."""
+    """The words as shown, with corrected misspellings."""
     question: Question | None = None
 
 
 def read_text(text: str, scene: ReferenceScene, rulebook: Rulebook) -> ReadText:
-    """Read a text: slips of the hand are put right, in a question as in a mission."""
+    """Read a text and correct its misspellings, in a question as in a mission."""
     typed, shown = " ".join(text.split()), " ".join(compatible_form(text).split())
     if not shown or len(typed) > MAX_MISSION_TEXT:
         return ReadText(typed, shown)
@@ -71,7 +72,7 @@ class Intake:
     """
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
-        """Make an intake without alarms; with `respond`, alarms become missions."""
+        """Begin without alarms; with `respond`, alarms become missions."""
         self.alarms, self.queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
@@ -82,10 +83,10 @@ class Intake:
     def look(
         self, picture: Picture, handled: Collection[str], *, stopped: bool = False
     ) -> Arrivals:
-        """Take in a new picture: alarms come and go, and missions with them.
+        """Process a new picture: raise and clear alarms, and queue and drop their missions.
 
-        An alarm about one of `handled`, what the active mission deals with, needs no other one.
-        While everything is `stopped` no alarm becomes a mission.
+        An alarm about a subject in `handled` needs no mission, because the active one deals with
+        it. While everything is `stopped`, no alarm becomes a mission.
         """
         arrivals = Arrivals()
         for payload in self.alarms.look(picture):
@@ -106,7 +107,7 @@ class Intake:
         return arrivals
 
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
-        """Queue a mission for every open alarm that no mission answers: the stop was released."""
+        """Queue a mission for every open alarm that no mission answers, once a stop is released."""
         return self._answers(self.alarms.open, handled)
 
     def take_up(
@@ -172,7 +173,7 @@ class Intake:
         )
 
     def wait_again(self, mission: Mission) -> tuple[Mission, ev.MissionReceived]:
-        """Queue the words of a mission of another session, as one of this session."""
+        """Queue a mission of another session again as one of this session, with the same words."""
         changes = {"id": self._new_id(), "created": datetime.now(UTC)}
         again = mission.model_copy(update=changes)
         self.queue.add(again, None)
@@ -194,12 +195,12 @@ class Intake:
 
     @property
     def subjects(self) -> frozenset[str]:
-        """The assets, tracks and gates that the missions that wait are about."""
+        """The assets, tracks and gates that the waiting missions are about."""
         waiting = (mission.subject for mission in self.queue.missions)
         return frozenset(subject for subject in waiting if subject is not None)
 
     def put_back(self, mission: Mission) -> bool:
-        """Queue a mission again that had to give way; False when its alarm has gone meanwhile."""
+        """Queue a mission again that had to give way; return False if its alarm was cleared."""
         alarm = self.alarm_of(mission)
         if mission.alarm and alarm is None:
             return False
@@ -215,12 +216,12 @@ class Intake:
         return next((a for a in self.alarms.open if a.id == mission.alarm), None)
 
     def move(self, mission_id: str, by: int) -> None:
-        """Move a waiting mission by `by` places; raises ValueError when it does not wait."""
+        """Move a waiting mission by `by` places; raises ValueError if it does not wait."""
         for _ in range(abs(by)):
             self.queue.move(mission_id, "up" if by < 0 else "down")
 
     def changes(self) -> Iterable[ev.QueueChanged]:
-        """Yield the queue if its order, a priority or a deferral has changed since last time."""
+        """Yield the queue if its order, a priority or a deferral has changed since last called."""
         entries = self.queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
         if order != self._emitted:
@@ -232,7 +233,7 @@ class Intake:
     ) -> list[tuple[ev.EventPayload, str]]:
         """Queue a mission for each alarm that asks for one and has none; return the events.
 
-        An alarm for whose mission there is no room is postponed.
+        An alarm is postponed if there is no room for its mission.
         """
         queued = {mission.alarm for mission in self.queue.missions if mission.source == "alarm"}
         sensors = self.alarms.sensors

@@ -13,17 +13,17 @@ from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.mission import Alarm, Mission, QueueEntry
 
 MOST_REMEMBERED = 1024
-"""Most missions whose order of arrival is kept for when they come back, the latest ones."""
+"""The most missions whose order of arrival is remembered in case they return, the latest ones."""
 
 OPERATOR_PRIORITY: AlarmPriority = "high"
-"""An operator's mission ranks so, before the alarms of the same priority."""
+"""The rank of an operator's mission, which precedes alarms of the same priority."""
 AGENT_PRIORITY: AlarmPriority = "low"
-"""A proposal of an agent ranks so, behind every mission of an operator or an alarm."""
+"""The rank of an agent's proposal, which follows every mission of an operator or an alarm."""
 
 
 @dataclass
 class _Waiting:
-    """A mission that waits; `arrival` counts from the first time that it was queued."""
+    """A waiting mission; `arrival` is its number from the first time that it was queued."""
 
     mission: Mission
     alarm: Alarm | None
@@ -43,7 +43,7 @@ class _Waiting:
 
     @property
     def rank(self) -> tuple[bool, bool, int, bool, float, int]:
-        """Deferred ones last, before them agents' and the offer; then threat, own, distance."""
+        """The sort key: deferred, offered or an agent's, threat, an alarm's, distance, arrival."""
         distance = self.distance_m if self.distance_m is not None else inf
         own = self.mission.source != "operator"
         threat = ALARM_PRIORITIES.index(self.priority)
@@ -52,19 +52,19 @@ class _Waiting:
 
 
 class MissionQueue:
-    """Missions by id; a total order that depends on what was added and moved, on nothing else."""
+    """Waiting missions by id, in a total order that depends only on additions and moves."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, _Waiting] = {}
         self._before: set[tuple[str, str]] = set()
-        """Pairs (a, b): the operator wants a before b."""
+        """Pairs (a, b) of missions: the operator has put a before b."""
         self._arrivals: dict[str, int] = {}
         self._arrived = 0
 
     def add(self, mission: Mission, alarm: Alarm | None = None) -> None:
-        """Queue a mission, or queue it again in its old place among equals.
+        """Queue a mission; one that returns gets its former place among equals.
 
-        Raises ValueError when it waits already.
+        Raises ValueError if it already waits.
         """
         if mission.id in self._waiting:
             raise ValueError(f"{mission.id} waits already")
@@ -85,24 +85,24 @@ class MissionQueue:
             self._before = set(combinations(wanted, 2))
 
     def pop_next(self) -> Mission | None:
-        """Take out and return the mission whose turn it is; None when nothing waits."""
+        """Remove and return the next mission; None if none waits."""
         order = self._order()
         return self.remove(order[0].mission.id) if order else None
 
     def remove(self, mission_id: str) -> Mission:
-        """Take a mission out and return it; raises ValueError when it does not wait."""
+        """Remove a mission and return it; raises ValueError if it does not wait."""
         mission = self._find(mission_id).mission
         del self._waiting[mission_id]
         self._release(mission_id)
         return mission
 
     def take(self, which: Callable[[Mission], bool] = lambda _: True) -> tuple[Mission, ...]:
-        """Take out and return the missions that `which` is true of, by default all; next first."""
+        """Remove and return the missions that `which` selects, by default all, the next first."""
         missions = [entry.mission for entry in self._order() if which(entry.mission)]
         return tuple(self.remove(mission.id) for mission in missions)
 
     def defer(self, mission_id: str, deferred: bool = True) -> None:
-        """Let everything else go before a mission, or no longer; ValueError if it does not wait."""
+        """Put a mission behind all others, or end that; raises ValueError if it does not wait."""
         entry = self._find(mission_id)
         entry.deferred, entry.moved = deferred, False
         self._release(mission_id)
@@ -127,9 +127,9 @@ class MissionQueue:
         entry.deferred, entry.moved = False, True
 
     def let_first(self, mission_id: str, active: str) -> None:
-        """Let a mission go before the others and before `active`, which will wait again.
+        """Put a mission before all others and before `active`, which will wait again.
 
-        Raises ValueError when it does not wait.
+        Raises ValueError if it does not wait.
         """
         others = {entry.mission.id for entry in self._waiting.values()} | {active}
         self._find(mission_id)
@@ -137,7 +137,7 @@ class MissionQueue:
         self._before |= {(mission_id, other) for other in others - {mission_id}}
 
     def refresh(self, alarms: Iterable[Alarm]) -> None:
-        """Take priorities and distances from the alarms as they stand now."""
+        """Update priorities and distances from the present alarms."""
         by_id = {alarm.id: alarm for alarm in alarms}
         for entry in self._waiting.values():
             if entry.alarm is not None:
@@ -145,16 +145,16 @@ class MissionQueue:
 
     @property
     def missions(self) -> tuple[Mission, ...]:
-        """Every mission that waits, in no order."""
+        """Every waiting mission, in no particular order."""
         return tuple(entry.mission for entry in self._waiting.values())
 
     def position(self, mission_id: str) -> int:
-        """Return how many missions go before one that waits."""
+        """Return the number of missions before a waiting one."""
         return [entry.mission.id for entry in self._order()].index(mission_id)
 
     @property
     def entries(self) -> tuple[QueueEntry, ...]:
-        """Every mission that waits, next first, each with why it stands there."""
+        """Every waiting mission, the next first, with the reason for its place."""
         order = self._order()
         return tuple(
             QueueEntry(
@@ -172,9 +172,9 @@ class MissionQueue:
     ) -> QueueEntry | None:
         """Return the next entry if it must not wait for `active`.
 
-        That is an emergency, unless `active` is one. If `active` is an agent's proposal that no
-        asset is `moving` for, it is any mission that no agent has proposed. Everything comes before
-        the policy that the world offers.
+        An emergency need not wait, unless `active` is one. If `active` is an agent's proposal and
+        no asset is `moving` for it, no mission but another proposal waits for it. Every mission
+        precedes the policy that the world offers.
         """
         mine = active_alarm.priority if active_alarm is not None else OPERATOR_PRIORITY
         first = next(iter(self.entries), None)
@@ -193,14 +193,14 @@ class MissionQueue:
         return self._waiting[mission_id]
 
     def _release(self, mission_id: str) -> None:
-        """Forget where the operator had moved a mission."""
+        """Forget the operator's moves of a mission."""
         self._before = {pair for pair in self._before if mission_id not in pair}
 
     def _order(self) -> list[_Waiting]:
-        """Sort by rank, but never against the operator: always the first that nothing holds back.
+        """Sort by rank, except where the operator has put one mission before another.
 
-        What was moved has a pair with everything that waited then, in the order that resulted, so
-        the pairs cannot form a circle.
+        A moved mission has a pair with every mission that waited at the time, in the resulting
+        order, so the pairs cannot form a cycle.
         """
         rest = sorted(self._waiting.values(), key=lambda entry: entry.rank)
         order: list[_Waiting] = []

@@ -79,7 +79,7 @@ class OrderEntry:
         return self._queue(order, active=self._worker.busy)
 
     def offer(self, text: str) -> None:
-        """Queue a text that nobody typed, for the operator's decision."""
+        """Queue a text that was not typed, for the operator's decision."""
         self._queue(self.read(text), active=False, offered=True)
 
     def move(self, mission_id: str, by: int) -> None:

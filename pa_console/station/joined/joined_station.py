@@ -305,7 +305,7 @@ class JoinedStation:
 
     @property
     def ground(self) -> None:
-        """No map: robots send theirs to the station that commands them."""
+        """None, because robots send their map to the station that commands them."""
 
     async def still_of(self, _track: str) -> ev.CameraStill | None:
         """Return None: only the station of the session takes and keeps stills."""
