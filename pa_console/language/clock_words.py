@@ -92,7 +92,7 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, if the half of day is settled, and if it is only a number."""
+    """Return hour, minute, second, whether the half of day is settled, whether only a number."""
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):
@@ -199,7 +199,7 @@ def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, boo
 
 
 def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
-    """Read *five past each hour*, *top of the hour*: the minute, and if every hour is meant."""
+    """Read *five past each hour*, *top of the hour*: the minute, and whether of every hour."""
     start = reader.at
     reader.take("the")
     if place := reader.take("top of", "bottom of"):

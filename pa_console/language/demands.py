@@ -112,7 +112,7 @@ def demands_of(world: World, text: str) -> Demands:
 
 @dataclass
 class _DemandClause:
-    """The tokens of a clause, and whether it is a question or stands under a condition."""
+    """The tokens of a clause, and whether it is a question or depends on a condition."""
 
     tokens: list[WordToken] = field(default_factory=list[WordToken])
     question: bool = False
@@ -300,7 +300,7 @@ class _Reading:
         return word in self._assets or _ASSET_NAME.fullmatch(word) is not None
 
     def _is_about_the_same(self, words: Sequence[str], clause: _DemandClause) -> bool:
-        """Return whether a clause that names no asset is about those of the clause before it."""
+        """Return whether a clause that names no asset is about the assets of the clause before."""
         return bool(_IT & {*words}) or (clause.joined and words[0] in _MODAL | _NOT)
 
     def _is_known(self, word: str) -> bool:
@@ -377,7 +377,7 @@ def _are_meant(world: World, ban: Demand, demand: Demand) -> bool:
 def _apart(first: Demand, second: Demand) -> bool:
     """Return whether two demands want one asset at two places, or moved and left where it is.
 
-    *Move it there and hold* is one after the other: only to stay where it is excludes moving.
+    *Move it there and hold* is a sequence: only staying in the present place excludes moving.
     """
     if first.negated or {*first.assets}.isdisjoint(second.assets):
         return False

@@ -46,7 +46,7 @@ _CORRECTS = re.compile(
     r"(?!\s*(?:also|and|plus|then|as well)\b)",
     re.IGNORECASE,
 )
-"""Markers of a correction within an order; *actually, also* goes on with it instead."""
+"""Markers of a correction within an order; *actually, also* continues the order instead."""
 _NAMED: frozenset[Sort] = frozenset(("place", "asset", "track"))
 
 
@@ -84,7 +84,7 @@ class UnsupportedPart(NamedTuple):
 
 
 class MentionCheck(NamedTuple):
-    """Every mention of an order, and what its reading names beyond them."""
+    """Every mention in an order, and the parts of its reading that go beyond them."""
 
     mentions: tuple[AccountedMention, ...]
     unsupported: tuple[UnsupportedPart, ...] = ()
@@ -93,13 +93,14 @@ class MentionCheck(NamedTuple):
     unfounded: bool = False
     """True if the order has no name in it, and no word supports the places of the reading."""
     times: tuple[str, ...] = ()
-    """The times that the order names: a plan that moves somebody now keeps none of them."""
+    """The times that the order names; a plan that moves an asset now observes none of them."""
     steps: tuple[str, ...] = ()
-    """The steps that the order has: a plan that was not made in steps keeps no order of them."""
+    """The steps of the order, if the plan was not made in steps and does not keep their
+    sequence."""
     gates: tuple[str, ...] = ()
     """The words for several gates, if the reading sends assets to only one."""
     leaning: tuple[str, ...] = ()
-    """The words that lean on the order before, if what they mean was not found."""
+    """The words that refer to the previous order, if their meaning was not found."""
 
     @property
     def baseless(self) -> bool:
@@ -113,7 +114,7 @@ class MentionCheck(NamedTuple):
 
     @property
     def gaps(self) -> tuple[str, ...]:
-        """Everything that does not match, in words; empty where all of it does."""
+        """Everything that does not match, in words; empty if everything matches."""
         gaps = [
             f"not accounted for: {part.mention.words}"
             for part in self.mentions
@@ -147,8 +148,8 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 
     Without a reading, only missing parts are looked for, as a plan may well do more than the order.
     `unmet` are the lines on parts of the order that are not carried out. A refusal of the whole
-    order moves no asset, and lacks nothing. What the order `follows`, the commands before it, may
-    be meant without being named again.
+    order moves no asset, and lacks nothing. The order `follows` earlier commands, whose assets and
+    places need not be named again.
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in STILL for action in plan.actions)
@@ -228,7 +229,8 @@ class _OrderResult:
     def is_unfounded(self, lacking: Sequence[UnsupportedPart]) -> bool:
         """Return whether every place of the reading is among the parts `lacking` in the order.
 
-        For a reading without a place its assets are compared, and for one without names its tasks.
+        For a reading without a place, its assets are compared, and for one without names, its
+        tasks.
         """
         missing = {part.named for part in lacking}
         placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
@@ -247,7 +249,7 @@ class _OrderResult:
         return len(gates) == 1 and all(ask.task in ("go", "mass", "look") for ask in self.asks)
 
     def accounts_for(self, mention: Mention) -> bool:
-        """Return whether a mention of the order has its part here."""
+        """Return whether this result accounts for a mention in the order."""
         match mention.sort:
             case "place":
                 return mention.means in self._names or mention.means in self._stood
@@ -266,7 +268,7 @@ class _OrderResult:
                 return self._has_task(mention.tasks)
 
     def _stands_for(self, name: str) -> bool:
-        """Return whether `name` is one of all assets meant, or one that is replaced."""
+        """Return whether `name` is meant without being named: as one of *all*, or as replaced."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
         if not self.asks and place in self._names:
             return True
@@ -330,7 +332,7 @@ class _OrderWords:
         )
 
     def lacking(self, result: _OrderResult) -> Iterator[UnsupportedPart]:
-        """Yield what `result` names and nothing here supports."""
+        """Yield the parts of `result` that these words do not support."""
         for name in result.subjects:
             guards = self._is_guard_of_a_bare_gate(name)
             if name in self._world.assets and not (guards or self._has_asset(name)):
@@ -405,10 +407,10 @@ class _OrderWords:
         return guards and _BARE.search(self._text) is not None
 
     def _is_described(self, name: str, destination: str) -> bool:
-        """Return whether a word of its name or kind, and where it stands, mean only this asset.
+        """Return whether a word of its name or kind, and its location, mean only this asset.
 
-        A word such as *Steward* is enough if one asset is called that. The place where it is sent
-        describes nobody: *a drone to West* does not mean the drone that is there.
+        A word such as *Steward* is enough if one asset is called that. The place to which it is
+        sent describes no asset: *a drone to West* does not mean the drone that is there.
         """
         spec = self._world.assets.get(name)
         if spec is None:
@@ -493,7 +495,7 @@ def _singular(word: str) -> str:
 
 
 def _at(picture: Picture, name: str) -> str:
-    """Return where an asset has its post or is, or a track is; '' for neither."""
+    """Return the post or place of an asset, or the place of a track; '' if there is none."""
     if name in picture.tracks:
         return picture.tracks[name].gate
     asset = picture.assets.get(name)

@@ -20,7 +20,7 @@ from pa_console.schema.events.intake import QuestionTopic
 
 _WORDS = word_lists("questions")
 MOST_WORDS = 24
-"""A longer text is not read as a question."""
+"""The most words of a text that is read as a question."""
 
 _SUGGESTING = ("do", "does")
 """Verbs that may give an order with *not*: *Why don't you stop?*"""

@@ -126,7 +126,7 @@ def asked_words(reason: str) -> str:
 
 
 def read_asked(words: str) -> Reading | None:
-    """Return the reading in `words`, which are nothing but a reading; None if there is none."""
+    """Return the reading in `words`, which contain nothing else; None if they are no reading."""
     return _read(words, with_facts=False)
 
 
@@ -283,7 +283,7 @@ def _plainly(ask: Ask, base: str) -> Ask:
     """Return `ask` in a form that does not depend on its wording.
 
     Which asset a gate has lost makes no difference to its cover. A track is identified by its
-    place. What no order may have is refused for whatever reason.
+    place. A part that no order may have counts as refused, whatever the reason.
     """
     leaving = "" if ask.task == "cover" else ask.leaving
     ask = replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)

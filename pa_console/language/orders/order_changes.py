@@ -44,7 +44,7 @@ _POINTED = frozenset(_MANUAL["pointed"])
 _ALL = frozenset(_MANUAL["all"])
 _ASSET_SLOT = "X"
 MOST_WORDS = 24
-"""A longer text is not read as a request for manual control."""
+"""The most words of a text that is read as a request for manual control."""
 
 
 class Changeable(Protocol):
@@ -52,12 +52,12 @@ class Changeable(Protocol):
 
     @property
     def id(self) -> str:
-        """Its id."""
+        """The id of the order."""
         ...
 
     @property
     def text(self) -> str:
-        """Its words as given."""
+        """The order in the operator's words."""
         ...
 
     @property
@@ -67,7 +67,7 @@ class Changeable(Protocol):
 
     @property
     def order(self) -> str:
-        """Its words as read."""
+        """The order in the words that the console has read."""
         ...
 
 

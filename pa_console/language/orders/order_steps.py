@@ -1,8 +1,8 @@
-"""Reads the order of steps in an order: *first A, then B*, *once A is there, B*, *not before ...*.
+"""The sequence of steps in an order: *first A, then B*, *once A is there, B*, *not before ...*.
 
-The words of order are cut out, and each step is read like an order of its own. A *then* that only
-leads to the consequence of an *if* parts nothing. What is waited for has to be ordered before in
-the same text: if it is not, it is asked back about.
+The words for the sequence are cut out, and each step is read like an order of its own. A *then*
+that only introduces the consequence of an *if* does not separate steps. An event that a step waits
+for must have been ordered earlier in the same text; otherwise, the operator is asked about it.
 """
 
 import re
@@ -104,7 +104,7 @@ class _Cutter:
         """The tokens of each step."""
         self.unclear: Unclear | None = None
         self.conditional = False
-        """True if a condition leads to what is ordered."""
+        """True if a condition introduces the order."""
         self._now: list[int] = []
         self._reader = Reader(self._tokens)
 

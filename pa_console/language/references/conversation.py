@@ -1,4 +1,4 @@
-"""The words of orders that refer to earlier orders, and what such orders become.
+"""The words of orders that refer to earlier orders, and the results of resolving such orders.
 
 `following_orders.py` completes whole orders, *same for north*; `pronouns.py` replaces *it* and
 *there*.
@@ -37,11 +37,11 @@ _WELL = frozenset(_WORDS["well"])
 """Words that ask about the condition of an asset."""
 HOME = frozenset(_WORDS["home"])
 _SHORT = 11
-"""Words; a longer order is taken as complete."""
+"""The most words of an order that may be incomplete."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))
 MOST_CORRECTING = 16
-"""Words; a longer correction is an order of its own."""
+"""The most words of a correction; a longer one is an order of its own."""
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 _STILL_LEANING = frozenset(_WORDS["still_leaning"])
 _ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
@@ -113,7 +113,7 @@ def substituted(text: str, references: Sequence[ResolvedReference]) -> str:
 def corrects(text: str) -> Literal["replaces", "takes back", ""]:
     """Return whether a text corrects the previous order or takes it back; '' for any other text.
 
-    *No, the other gate* does the first, *never mind* the second; both say so at once.
+    *No, the other gate* corrects it, and *never mind* takes it back; such words come first.
     """
     words = [token.word for token in read_tokens(text) if token.word[0].isalnum()]
     sentence = f" {' '.join(words)} "
@@ -138,9 +138,10 @@ def leaning_words(scene: ReferenceScene, text: str) -> tuple[str, ...]:
 
 
 def leans(scene: ReferenceScene, text: str) -> bool:
-    """Return whether an order may need the one before it: it lacks somebody, or a place.
+    """Return whether an order may need the previous one, because it lacks an asset or a place.
 
-    *Home*, *hold* and *report* need no place, *anybody* is somebody, and so is a visitor.
+    *Home*, *hold* and *report* need no place; *anybody* counts as an asset, and a visitor as a
+    place.
     """
     if leaning_words(scene, text):
         return True

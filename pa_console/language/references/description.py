@@ -39,7 +39,7 @@ Way = Callable[[], bool]
 
 @dataclass(frozen=True)
 class Superlative:
-    """A superlative: of those that fit, the first by its measure is meant."""
+    """A superlative, which means the best of the fitting assets or gates by its measure."""
 
     by: By
     place: str = ""

@@ -173,7 +173,7 @@ class _DescriptionParser:
 
     @property
     def _selects(self) -> bool:
-        """True if it selects one of those before: *Drone_T04 or Ugv_T02, whichever is nearer*."""
+        """True if it selects from names before it: *Drone_T04 or Ugv_T02, whichever is nearer*."""
         reader = Reader(self.reader.tokens, self._first)
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading

@@ -134,7 +134,7 @@ class _FollowingOrder:
         return self._whole(_sentence(orders), corrects=True)
 
     def _agent_corrected(self) -> ResolvedOrder | None:
-        """Resolve *Not Drone_T04, Robot_T02.*: the same by another one, and the first one back."""
+        """Resolve *Not Drone_T04, Robot_T02.*: another asset does it, and the first one returns."""
         turn = self._turn
         others = [name for name in turn.named_assets if name not in turn.movers]
         others = others or self._meant_instead()
@@ -189,10 +189,10 @@ class _FollowingOrder:
         return None
 
     def _continued(self) -> ResolvedOrder | Unclear | None:
-        """Resolve *done there, south next* and *on to west*: who was sent last goes on.
+        """Resolve *done there, south next* and *on to west*: the asset sent last goes on.
 
-        Every word has to be a place or one of these, and a place that is only said to be done is
-        no destination.
+        Every word has to name a place or belong to such phrases. A place that is only reported as
+        done is no destination.
         """
         turn = self._turn
         if turn.assets or not (turn.has(*_ONWARDS) or _DONE & set(turn.words)):
@@ -236,7 +236,7 @@ class _FollowingOrder:
         return any(v.plain and v.word not in ("go", "goes", "do") for v in verbs)
 
     def _same_elsewhere(self, place: str) -> ResolvedOrder | None:
-        """Return the last order for another `place`; who was named stays, another one goes."""
+        """Return the last order for another `place`; a named asset stays, and another one goes."""
         turn = self._turn
         move = turn.moves[0]
         named = any(name in turn.last.text for name in turn.movers)
@@ -250,7 +250,7 @@ class _FollowingOrder:
         return self._scene.world.assets[move.agent].kind
 
     def _nearest_free(self, team: Sequence[str], place: str) -> str:
-        """Return who of `team` is free and nearest to `place`, of those not yet sent; '' for none.
+        """Return the free asset of `team` nearest to `place` that was not sent yet; '' for none.
 
         Any of them is as good as another.
         """

@@ -1,4 +1,4 @@
-"""Resolves references in an order to names, before any model reads it.
+"""The resolution of references in an order to names, before any model reads it.
 
 *The gate with only one guard* becomes `EastGate`; in *bring it back*, *it* becomes the asset sent
 last. References are never guessed: if several things fit the words, or none, a question is asked.
@@ -6,7 +6,7 @@ The result depends only on the words, the picture and the earlier missions.
 
 A report of a state, *Drone_T03 is running on fumes*, becomes the order that is due, in the words of
 the station's own alarms: a guard that failed or has a low battery is replaced, and any other asset
-with a low battery returns home. A report that telemetry does not bear out is read as it stands.
+with a low battery returns home. A report that telemetry does not confirm is read as it stands.
 """
 
 import re
@@ -123,7 +123,7 @@ def in_state(scene: ReferenceScene, name: str, state: State) -> bool:
 def what_is_due(scene: ReferenceScene, name: str, state: State) -> str:
     """Return the order due for the asset `name`, which is reported and known to be in `state`.
 
-    '' if nothing is due that the words do not ask for themselves.
+    Returns '' if nothing is due beyond what the words ask for themselves.
     """
     gate = scene.guarded_by(name)
     alone = bool(gate) and all(guard == name for guard in scene.guards(gate))
@@ -404,8 +404,8 @@ def _there_named(
 def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     """Return the order due for the asset that is reported in a state and is in it by telemetry.
 
-    '' if none is named, or several are, or telemetry does not bear the report out: the words are
-    then read as they stand. *One of the drones* is the one that telemetry shows in that state.
+    Returns '' if none is named, or several are, or telemetry does not confirm the report: the words
+    are then read as they stand. *One of the drones* is the one that telemetry shows in that state.
     """
     tokens = read_tokens(text)
     names = frozenset(token.written for token in tokens if token.written in scene.world.assets)
