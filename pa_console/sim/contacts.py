@@ -232,7 +232,7 @@ def _approach(
 def _drive(
     terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
-    """Drive on through the gate and inside; a blocked gate stops it, other assets it passes."""
+    """Drive on through the gate and inside; a blocked gate stops it, and it passes other assets."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
     if gate_ahead and gate_blocked(terrain, scene, contact.gate):
         contact.speed = 0.0

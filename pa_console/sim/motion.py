@@ -32,7 +32,7 @@ _HEADWAY_M = 0.05
 _NEIGHBOUR_M = 4.0
 _GROUP_M = 25.0
 _OBSTRUCTION_SEEN_M = 3.0
-"""A stuck ground asset detects obstructions within this distance of its hull."""
+"""The distance from its hull at which a stuck ground asset detects obstructions, in metres."""
 
 
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:

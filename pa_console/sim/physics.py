@@ -20,10 +20,10 @@ from pa_console.sim.scene import AssetState, Scene
 from pa_console.sim.worlds.terrain import Terrain
 
 _HOLDS_M = 2.0
-"""A result is reused until an asset has moved this far, in metres."""
+"""The distance that an asset may move before a search result is outdated, in metres."""
 _SPARE_M = 2 * _HOLDS_M + 0.01
 _FEW = 16
-"""Up to this number, assets are compared one by one instead of by cells."""
+"""The largest number of assets that are compared one by one instead of by cells."""
 
 _Cell = tuple[int, int]
 
@@ -65,7 +65,8 @@ class Traffic:
         self._cells: dict[_Cell, list[AssetState]] = {}
         self._neighbours: dict[str, Neighbours] = {}
         self.waiting: dict[str, tuple[object, ...] | None] = {}
-        """The situation in which an asset found no way; an equal situation has none either."""
+        """The last situation in which an asset found no way; it finds none in an equal
+        situation."""
 
     def went(self, metres: float) -> None:
         """Record that no asset has moved more than `metres` in this step."""

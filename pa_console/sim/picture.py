@@ -24,11 +24,12 @@ from pa_console.sim.sensing import integrity, tracker
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
-"""A report is late if it takes this many seconds longer than the world's slowest radio delay."""
+"""The seconds beyond the world's slowest radio delay after which a report is late."""
 WINDOW = 16
 TOLERATED = 4
-"""The number of the last WINDOW reports that may be late or missing on a good link. With a quarter:
-a link that sometimes loses a report still carries commands, which are repeated if necessary."""
+"""The number of the last WINDOW reports that may be late or missing on a good link. It is a
+quarter, because a link that sometimes loses a report still carries commands, which are repeated if
+necessary."""
 _ALL = (1 << WINDOW) - 1
 
 
@@ -212,7 +213,7 @@ def update_post(
 
 
 def is_sure(asset: AssetTelemetry) -> bool:
-    """Return whether an asset, if it has not failed, is reliably where it reports to be."""
+    """Return whether an asset, if it has not failed, is reliably at its reported place."""
     if not asset.manual:
         return asset.available
     reliable = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"

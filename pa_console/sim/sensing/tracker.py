@@ -45,7 +45,8 @@ _KNOWN_SPEED_MPS = 2.0
 _LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
 _SLOW_MPS = 1.0
 _STANDS_S = 20.0
-"""A track stands if it has not moved while the slowest walker would have, or for this long."""
+"""The time without movement after which a track stands, in seconds, even if the slowest walker
+could have stayed within the error of the estimate."""
 _DEFIANT_M = 2.0
 DROP_S = 20.0
 """Seconds after its last detection at which a track is dropped."""

@@ -50,7 +50,7 @@ class Geography:
         return float(x), float(y)
 
     def near(self, latitude: float, longitude: float) -> Point | None:
-        """Return the same point, or None if the earth has curved away from the plane there."""
+        """Return the point like `metres`, or None if the earth has curved away from the plane."""
         *_, up = _TO_PLANE(latitude, longitude, self._at[2], *self._at)
         return self.metres(latitude, longitude) if up > -CURVED_M else None
 

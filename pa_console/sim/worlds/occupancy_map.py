@@ -28,7 +28,7 @@ MOST_PIXELS = 64_000_000
 """The largest number of pixels in an image; maps of laboratories have about one million."""
 
 LEAST_TURN = 1e-3
-"""A map that is turned by less, in radians, is drawn as it is."""
+"""The smallest turn of a map that is taken into account, in radians."""
 
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 

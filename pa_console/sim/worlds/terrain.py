@@ -19,7 +19,7 @@ from pa_console.sim.worlds.routes import RoutePlanner
 
 LOOK_M = 5.0
 LOOK_S = 2.0
-"""A ground asset looks ahead as far as it moves in LOOK_S seconds, but at most LOOK_M metres."""
+"""The travel time for which a ground asset looks ahead, in seconds, but at most LOOK_M metres."""
 HULL_GAP_M = 0.15
 _CORNER_M: dict[AssetKind, float] = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
 
@@ -140,8 +140,8 @@ class Terrain:
         widest = max(p.radius_m for p in world.platforms.values())
         fastest = max(p.speed_mps for p in world.platforms.values())
         self.contact_m = 2 * (widest + fastest * world.dt_s)
-        """Two assets whose centres are farther apart than this cannot touch within a step, in
-        metres."""
+        """The largest distance, in metres, between the centres of two assets that may touch in a
+        step."""
         self._walls = shapely.STRtree([LineString((w.start, w.end)) for w in world.walls])
         lanes = [LineString(lane.points) for lane in world.lanes.values()]
         self._lane_lines = np.array(lanes, dtype=object)
