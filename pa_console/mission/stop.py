@@ -207,7 +207,7 @@ class EmergencyStop:
         self._stop, self._overdue = None, {}
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
-        """Send a mission's way to safety and follow its replies from now on; yield the events."""
+        """Send the commands of a mission's way to safety; yield the events. `step` follows them."""
         events: list[ev.CommandSent | ev.CommandRefused] = []
         self._gate.send(commands, events.append)
         yield from events

@@ -4,7 +4,8 @@ A model's own chance means little by itself: a reading with a chance of 40 % is 
 if a second reader agrees, and far less often if it disagrees. The readings of an order therefore
 compete. Each has a weight of evidence, to which every reader that shares it adds. Its chance is its
 share of the total weight, which includes one more possibility: that none of the readings is right
-(a conditional logit). A reader's greater chance never lowers it, and a gap never raises it.
+(a conditional logit). A higher chance from a reader never lowers the result, and a gap never raises
+it.
 
 The weights are fitted to 336 generated orders that no model has seen in training: 180 of the seeds
 434 and 436, most of them in people's own words, and 156 of the seed 438 in held-out words.
@@ -36,7 +37,7 @@ of the second reader alone. The second reader was trained on phrasings like thos
 orders, so it is right more often there than elsewhere."""
 
 MOST_GAPS = 3
-"""The greatest number of gaps that is counted."""
+"""The largest number of gaps that counts."""
 RIVAL = 0.1
 """The chance of another reading from which an order counts as doubtful."""
 

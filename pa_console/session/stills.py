@@ -28,7 +28,7 @@ def keep_still(log: Path, content: bytes, still: CameraStill) -> None:
 
 
 def is_changed(log: Path, still: CameraStill) -> bool | None:
-    """Return whether the file of `still` is another than was shown; None if it is not there."""
+    """Return whether the file of `still` differs from the image shown; None if it is missing."""
     path = stills_folder(log) / still.file_name
     try:
         with path.open("rb") as file:

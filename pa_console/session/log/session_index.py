@@ -138,7 +138,7 @@ def read_anchor(folder: Path) -> bytes:
 
 
 def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
-    """Return number and hash of the line that the next one must follow."""
+    """Return the number and the hash of the line that the next one must follow."""
     last = lines[-1] if lines else b""
     records = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0

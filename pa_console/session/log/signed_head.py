@@ -1,4 +1,4 @@
-"""The signed head of a log, `LOG.head`: a least length of the log, which reveals any cut.
+"""The signed head of a log, `LOG.head`: the least length of the log, which reveals any cut.
 
 The head is replaced after the records that it covers are on the disk. A crash in between leaves the
 previous head, which is still true.

@@ -38,7 +38,7 @@ ADJUSTED = timedelta(seconds=1)
 FIRST_SIGNED = 2
 """The line of a log's first signature; the line before it names the session."""
 Standing = Literal["signed", "open", "not signed"]
-"""Signed to its end; signed, but not closed; without any signature."""
+"""The extent of a log's signatures: to its end; without a closed end; or no signature."""
 
 
 @dataclass(frozen=True)
