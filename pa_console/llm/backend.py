@@ -46,19 +46,19 @@ class EngineError(Exception):
 
 
 class EngineDiedError(EngineError):
-    """The worker process ended during a request; the next generation starts a new one."""
+    """The end of the worker process during a request; the next generation starts a new one."""
 
 
 class ModelUnavailableError(EngineError):
-    """The model cannot be loaded or used."""
+    """A model that cannot be loaded or used."""
 
 
 class PromptRefusedError(EngineError):
-    """The prompt does not fit in the model's context, or its grammar is not valid."""
+    """A prompt that does not fit in the model's context, or whose grammar is not valid."""
 
 
 class ServerError(EngineError):
-    """A model's server returned no usable answer; `status` is the HTTP status, 0 without one."""
+    """A server's failure to return a usable answer; `status` is the HTTP status, 0 without one."""
 
     def __init__(self, why: str, status: int = 0) -> None:
         super().__init__(why)

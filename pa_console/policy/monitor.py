@@ -27,7 +27,7 @@ Each = Literal["track", "gate"] | None
 
 MOMENT_S = 0.02
 SUBJECT_S = 0.002
-"""The processor time that each subject adds to the limit for one moment, seconds."""
+"""The processor time that each subject adds to the limit for one moment, in seconds."""
 
 
 class Pending(NamedTuple):

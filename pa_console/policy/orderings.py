@@ -28,7 +28,7 @@ from pa_console.schema.rule import Ordering, Phase, Workflow
 from pa_console.schema.world import World
 
 CLOCK_S = 1e-6
-"""The difference below which two times count as equal, seconds."""
+"""The difference below which two times count as equal, in seconds."""
 
 
 class GateMoment(NamedTuple):

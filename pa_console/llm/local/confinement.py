@@ -42,7 +42,8 @@ WORK_BYTES = 2 << 30
 """The memory for Python, its libraries and a grammar; 0.3 GB were measured with a 135M model."""
 
 WEIGHTS_TIMES = 3
-"""With 4096 tokens per role, the caches of a 7B model take at most twice the size of its weights.
+"""The limit on memory as a multiple of the weights. With 4096 tokens per role, the caches of a 7B
+model take at most twice the size of its weights.
 """
 
 THREAD_BYTES = 16 << 20

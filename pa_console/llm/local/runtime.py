@@ -21,23 +21,24 @@ _api: Any = llama_cpp
 CHUNK, SHARED_CHUNK = 64, 16
 """The number of tokens of a prompt, or of several continuations of it, evaluated at once."""
 GROUP = 16
-"""The cache is reused in whole groups of this many tokens; a chunk has several groups. llama.cpp
-computes a single token in a different order than several. It may also compute up to 16 tokens
-together, and the remaining ones, in different orders. Since every batch begins at a whole group,
-and no batch has a single token, each token is evaluated exactly as in a new context: an answer
-never depends on earlier prompts."""
+"""The number of tokens in a group. The cache is reused in whole groups; a chunk has several groups.
+llama.cpp computes a single token in a different order than several. It may also compute up to 16
+tokens together, and the remaining ones, in different orders. Since every batch begins at a whole
+group, and no batch has a single token, each token is evaluated exactly as in a new context: an
+answer never depends on earlier prompts."""
 
 ROOM = 256
-"""Context sizes are multiples of this number of tokens. llama.cpp attends to this many at once, so
-the size of a context does not affect its answers."""
+"""The number of tokens of which context sizes are multiples. llama.cpp attends to this many at
+once, so the size of a context does not affect its answers."""
 
 LEAST_ROOM = 2 * ROOM
 """The context size that suffices for the prompt and answer of most missions."""
 
 WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
-"""Flash attention splits long contexts among threads, so that the logits of a single token depend
-on the number of threads, by 0.2 and more. Without it they are identical, and it is no slower here
-(135M weights, two cores: 23 ms per token, 0.32 s instead of 0.41 s for 64 in batches)."""
+"""The setting that disables flash attention. Flash attention splits long contexts among threads, so
+that the logits of a single token depend on the number of threads, by 0.2 and more. Without it they
+are identical, and it is no slower here (135M weights, two cores: 23 ms per token, 0.32 s instead of
+0.41 s for 64 in batches)."""
 
 ABORTED = 2
 """The result of llama_decode after the abort callback stopped it."""
@@ -98,7 +99,7 @@ def _no_log(_level: int, _text: bytes, _data: object) -> None:
 
 
 class InterruptedEvaluationError(Exception):
-    """The evaluation was stopped by the `stopped` callback."""
+    """An evaluation that the `stopped` callback has stopped."""
 
 
 class _LlamaContext:

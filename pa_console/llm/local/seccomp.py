@@ -25,11 +25,12 @@ NUMBER_AT, ARCHITECTURE_AT, ARGUMENTS_AT = 0, 4, 16
 """The offsets in `struct seccomp_data`; the low half of an argument comes first."""
 
 SET_FILTER, ALL_THREADS, KEEP_SPECULATION = 1, 1, 4
-"""The flags keep the CPU's speculation as it is: disabling it would slow the model's arithmetic."""
+"""The call's operation and flags. The CPU's speculation stays as it is, because disabling it would
+slow the model's arithmetic."""
 
 SET_NO_NEW_PRIVILEGES = 38
 X32 = 0x40000000
-"""Call numbers from here on belong to a second ABI of x86-64, which nothing here uses."""
+"""The first call number of a second ABI of x86-64, which nothing here uses."""
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 NEW_THREAD = 0x00010000

@@ -17,7 +17,7 @@ TOPOLOGY = Path("/sys/devices/system/cpu")
 STATISTICS = Path("/proc/stat")
 FEW_TOKENS = 16
 FEW_CORES = 4
-"""Up to this number of cores, all are used for small batches."""
+"""The largest number of cores that are all used for small batches."""
 
 LOOK_S = 0.1
 """Seconds between two measurements of the cores' load, which the system counts in hundredths."""
@@ -26,14 +26,15 @@ PAUSE_S = 0.02
 """Seconds without an evaluation after which other programs may have used the cores."""
 
 NEARLY = 0.5
-"""A core counts as free while other programs, including the console itself, use at most this share.
+"""The largest share of a core that other programs, including the console itself, may use if the
+core counts as free.
 """
 
 SHORT = 0.65
-"""Threads that got less than this share of their computing time were suspended."""
+"""The share of their computing time below which threads count as suspended."""
 
 BRIEF_S = 0.004
-"""An evaluation of fewer seconds does not show whether threads were suspended."""
+"""The shortest evaluation that shows whether threads were suspended, in seconds."""
 
 PATIENCE_S = (LOOK_S, 2.0)
 """Seconds to wait before trying more threads again after the system reported free cores but threads
@@ -43,7 +44,7 @@ TELLING_S = 0.5
 """Seconds of evaluations that are needed to decide whether the machine is busy."""
 
 BUSY_SHARE = 0.8
-"""Answers count as slowed if the machine was busy for more than this share of their time."""
+"""The share of evaluation time under other load above which answers count as slowed."""
 
 
 def physical_cores() -> int:

@@ -48,7 +48,8 @@ ENVIRONMENT = {
     "HF_HUB_ETAG_TIMEOUT": "5",
     "HF_HUB_DOWNLOAD_TIMEOUT": "15",
 }
-"""Plain HTTP, which can resume a file, and time-outs after which the next source is tried."""
+"""The variables for plain HTTP, which can resume a file, and for time-outs after which the next
+source is tried."""
 
 STALL_S = 40.0
 

@@ -38,7 +38,7 @@ SPACE = "\u2581"
 BYTE_SPACES = str.maketrans({"\u0120": " ", "\u010a": "\n", "\u0109": "\t", "\u010d": "\r"})
 """The space characters of a byte tokeniser."""
 ALIKE = 0.99
-"""Rows with at least this cosine are the same rows with different rounding."""
+"""The least cosine of two rows that are the same row with different rounding."""
 IN_USE = frozenset({gguf.TokenType.CONTROL, gguf.TokenType.USER_DEFINED})
 ALWAYS = frozenset({gguf.TokenType.BYTE, gguf.TokenType.USER_DEFINED})
 SPARE = 256

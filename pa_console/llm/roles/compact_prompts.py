@@ -101,7 +101,7 @@ def compact_judge_prompt(
     _plan: Plan,
     _rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt without the plan: a judge that sees a plan reads it into any order.
+    """Return the judge's prompt without the plan: a judge that sees a plan finds it in any order.
 
     The planned actions are added to the answer, after the reading.
     """

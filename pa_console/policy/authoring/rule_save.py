@@ -261,7 +261,7 @@ def _outdented(text: str, indent: int) -> str:
 
 
 class RulesChangedError(ValueError):
-    """The file has changed since the rule was opened; with `same_rule`, so has the rule."""
+    """A change of the file since the rule was opened; with `same_rule`, also of the rule."""
 
     def __init__(self, path: Path, *, same_rule: bool) -> None:
         what = "and so was this rule" if same_rule else "but not this rule"

@@ -23,7 +23,7 @@ ROUNDS_A_LOOK = 8
 
 
 class DeadlineError(Exception):
-    """An expression took too long; it decided nothing."""
+    """An expression that took too long and decided nothing."""
 
 
 class _Running(threading.local):

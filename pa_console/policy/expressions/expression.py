@@ -42,7 +42,7 @@ from pa_console.policy.expressions.forbidden_words import (
 from pa_console.policy.expressions.syntax import GOING_ON, Source
 
 _re2: Any = import_module("re2")
-"""The library has no type information."""
+"""The library re2, which has no type information."""
 
 T = TypeVar("T")
 MAX_PATTERN = 16_384
