@@ -92,7 +92,7 @@ class RunRecording:
         return self.samples[-1]
 
     def at(self, time_s: float) -> Sample:
-        """Return the latest sample that is not after `time_s`, or the first one if all are."""
+        """Return the latest sample that is not after `time_s`, or the first if all are after it."""
         return next((s for s in reversed(self.samples) if s.time_s <= time_s + 1e-6), self.start)
 
     def steps(self) -> Iterator[tuple[Sample, Sample]]:

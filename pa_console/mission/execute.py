@@ -16,16 +16,16 @@ from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 
 MARGIN_S = 20.0
-"""The time that a plan may take beyond twice its rehearsed duration, seconds."""
+"""The time that a plan may take beyond twice its rehearsed duration, in seconds."""
 EPSILON_S = 1e-6
 EVIDENCE_S = 8.0
-"""The longest wait for fresh telemetry after every command has ended, seconds."""
+"""The longest wait for fresh telemetry after every command has ended, in seconds."""
 
 SAFETY_S = 10.0
-"""The time for which the commands of a safe state are followed and resent, seconds."""
+"""The time for which the commands of a safe state are followed and resent, in seconds."""
 
 TOLD_S = 2.0
-"""The longest wait for telemetry that shows the assets in their safe state, seconds."""
+"""The longest wait for telemetry that shows the assets in their safe state, in seconds."""
 
 
 @dataclass(frozen=True)

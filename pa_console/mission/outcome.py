@@ -19,7 +19,7 @@ from pa_console.schema.telemetry import Picture
 
 MOMENT_S = 0.02
 TRACK_S = 0.002
-"""The processor time that each workflow adds to the limit for one moment, seconds."""
+"""The processor time that each workflow adds to the limit for one moment, in seconds."""
 
 
 class WorkflowProgress:

@@ -33,8 +33,8 @@ below it, the planner read 62 as meant and the second reader 118; of the 192 abo
 """
 
 PATIENCE_S = 15.0
-"""The longest wait for the second reader, its loading included, seconds; then the plan is proposed
-without its reading."""
+"""The longest wait for the second reader, its loading included, in seconds; then the plan is
+proposed without its reading."""
 
 
 class ReaderAnswer(NamedTuple):

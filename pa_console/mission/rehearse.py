@@ -31,12 +31,13 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 TOLERANCE_M = 0.5
-"""The largest distance of a recorded way from the rehearsed one, metres."""
+"""The largest distance of a recorded way from the rehearsed one, in metres."""
 
 HORIZON_S = 240.0
-"""The longest time of a rehearsed step, without its stays, seconds."""
+"""The longest time of a rehearsed step, without its stays, in seconds."""
 SETTLE_S = 2.0
-"""The time for which a rehearsal continues after the last command of a step has ended, seconds."""
+"""The time for which a rehearsal continues after the last command of a step has ended, in
+seconds."""
 MOST_STEPS_PER_SLICE = 60
 ASSET_STEPS_PER_SLICE = 6000
 """The size of a slice, in steps times assets: a few milliseconds."""
@@ -245,7 +246,7 @@ class _Recorder:
         self._movers = {a.agent for a in plan.actions if a.verb not in STILL}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
-        """The time that each gate has been without cover in the rehearsal so far, seconds."""
+        """The time that each gate has been without cover in the rehearsal so far, in seconds."""
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
         self._orders: tuple[OrderMoment, ...] = ()

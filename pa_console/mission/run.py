@@ -61,9 +61,10 @@ MAX_TRIES = 2
 """The most plans that are executed for one task if none of them ends it."""
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 READY_S = 90.0
-"""The longest wait for assets that cannot start yet, seconds; an autopilot takes half a minute."""
+"""The longest wait for assets that cannot start yet, in seconds; an autopilot takes half a
+minute."""
 WATCH_S = 12.0
-"""The time for which the situation is watched after a plan, seconds."""
+"""The time for which the situation is watched after a plan, in seconds."""
 
 
 @dataclass(frozen=True)

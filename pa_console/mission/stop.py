@@ -20,16 +20,16 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 CONFIRM_S = 1.0
-"""The time after which an asset that has not answered a stop is reported, seconds."""
+"""The time after which an asset that has not answered a stop is reported, in seconds."""
 
 STANDS_MPS = 0.05
 """The highest reported speed of a standing asset, m/s; measured speeds are never quite zero."""
 
 MOVED_M = 2.0
-"""The largest scatter in the reported positions of an asset that stands still, metres."""
+"""The largest scatter in the reported positions of an asset that stands still, in metres."""
 
 AGAIN_S = 0.2
-"""The time between two resends of an unanswered hold, seconds. The first resend is after
+"""The time between two resends of an unanswered hold, in seconds. The first resend is after
 FIRST_AGAIN_S, by when most links have answered."""
 FIRST_AGAIN_S = 0.4
 
@@ -41,7 +41,7 @@ MOST_AT_ONCE = 100
 """The most holds resent in one step, those that have waited longest first."""
 
 SAFETY_LIMIT_S = 60.0
-"""The time for which a way to safety is resent to assets that have not answered, seconds."""
+"""The time for which a way to safety is resent to assets that have not answered, in seconds."""
 
 
 @dataclass
@@ -74,7 +74,7 @@ class _Held:
 
     @property
     def wait_s(self) -> float:
-        """The time from the last sending to the next, seconds."""
+        """The time from the last sending to the next, in seconds."""
         if self.hurries:
             return AGAIN_S if self.times else FIRST_AGAIN_S
         return RESEND_S * RESEND_GROWTH ** min(self.slow, MOST_GROWTH)

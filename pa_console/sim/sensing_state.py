@@ -162,12 +162,12 @@ class TrackFile:
 
     @property
     def position(self) -> Point:
-        """The estimated position at the last detection, metres."""
+        """The estimated position at the last detection, in metres."""
         return (self.x, self.y)
 
     @property
     def sigma_m(self) -> float:
-        """One standard deviation of the estimated position on each axis, metres."""
+        """One standard deviation of the estimated position on each axis, in metres."""
         return self.variance**0.5
 
 

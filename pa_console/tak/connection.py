@@ -25,7 +25,7 @@ from pa_console.tak.reports import TakReports
 PORTS = {"tcp": 8087, "tls": 8089}
 FORM = "tcp://HOST[:PORT] or tls://HOST[:PORT]"
 PASSWORD_VARIABLE = "PA_CONSOLE_TAK_PASSWORD"
-"""The password of a certificate's key."""
+"""The environment variable with the password of a certificate's key."""
 CIPHERS = "DEFAULT"
 CONNECT_S = 10.0
 STEADY_S = 30.0

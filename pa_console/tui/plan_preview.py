@@ -19,13 +19,13 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.surroundings import SecondsClock
 
 MOVED_M = 1.0
-"""An asset within this distance of its start has not moved, metres."""
+"""The distance from its start up to which an asset counts as not moved, in metres."""
 
 LONGEST_S = 8.0
-"""The longest playback of a rehearsal, seconds."""
+"""The longest playback of a rehearsal, in seconds."""
 
 STAYS_S = 1.5
-"""The time for which the end of a playback stays on the screen, seconds."""
+"""The time for which the end of a playback stays on the screen, in seconds."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class PlanPreview:
 
     @property
     def duration_s(self) -> float:
-        """The duration of the rehearsal, seconds."""
+        """The duration of the rehearsal, in seconds."""
         return self.rehearsal.timeline.duration_s
 
     @cached_property
@@ -214,7 +214,7 @@ def _at(way: tuple[TimedPoint, ...], time_s: float) -> Point:
 
 
 def _heading(way: tuple[TimedPoint, ...], time_s: float) -> float:
-    """Return the direction of travel on a route at `time_s`, degrees: 0 is east, 90 is north."""
+    """Return the direction of travel on a route at `time_s`, in degrees: 0 is east, 90 is north."""
     for (_, x, y), (to_s, far_x, far_y) in pairwise(way):
         if time_s < to_s or to_s == way[-1][0]:
             return degrees(atan2(far_y - y, far_x - x))

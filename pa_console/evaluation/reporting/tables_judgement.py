@@ -158,7 +158,7 @@ class _Reread(NamedTuple):
 
     @property
     def offered(self) -> list[RunRecord]:
-        """The runs in which another reading was offered and is among the others."""
+        """The runs in which another reading was offered and whose case is in `others`."""
         return [run for run in self.runs if run.offered and run.case in self.others]
 
     def best(self, runs: Records) -> SuccessRate:

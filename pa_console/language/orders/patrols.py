@@ -249,7 +249,7 @@ def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...
 
 
 def least_s(patrol: Patrol, scene: ReferenceScene) -> float:
-    """Return the least time of a patrol: straight ways at full speed, and stays, seconds."""
+    """Return the least time of a patrol: straight ways at full speed, and stays, in seconds."""
     world = scene.world
     kinds = {world.assets[patrol.asset].kind} if patrol.asset in world.assets else {patrol.kind}
     speeds = [p.speed_mps for kind, p in world.platforms.items() if kinds & {kind, None}]

@@ -26,11 +26,11 @@ from pa_console.schema.mission import Schedule
 from pa_console.schema.world import World
 
 SHORTEST_S = 60.0
-"""The shortest interval of a repeating order, seconds, unless a setting changes it."""
+"""The shortest interval of a repeating order, in seconds, unless a setting changes it."""
 MOST_AHEAD = timedelta(days=31)
 """The longest time ahead at which an order may begin."""
 JUST_S = 1.0
-"""The time for which a clock time that has passed still means the present moment, seconds."""
+"""The time for which a clock time that has passed still means the present moment, in seconds."""
 
 
 @dataclass(frozen=True)

@@ -128,12 +128,12 @@ class ReferenceScene:
         return is_free(self.asset(name), self.sole)
 
     def spot(self, name: str) -> tuple[float, float]:
-        """Return the position of a frame or an asset, metres; raises KeyError for another name."""
+        """Return the position of a frame or asset, in metres; raises KeyError for another name."""
         frame = self.world.frames.get(name)
         return frame.at if frame is not None else self.asset(name).position
 
     def distance_m(self, start: str, end: str) -> float:
-        """Return the distance between two frames or assets, metres."""
+        """Return the distance between two frames or assets, in metres."""
         return math.dist(self.spot(start), self.spot(end))
 
     def visitors(self, kind: str = "") -> list[Track]:

@@ -10,16 +10,16 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 Step = tuple[int, tuple[CommandReply, ...]]
 
 ACKNOWLEDGE_S = 8.0
-"""The time for which a command without any reply is resent before it is given up, seconds."""
+"""The time for which a command without any reply is resent before it is given up, in seconds."""
 RESEND_S = 1.0
-"""The wait before the first resend of a command without a reply, seconds."""
+"""The wait before the first resend of a command without a reply, in seconds."""
 RESEND_GROWTH = 1.2
 """The factor by which this wait grows with each resend."""
 MOST_GROWTH = 10
 """The number of times that the wait for the next resend grows, up to about ASK_AGAIN_S."""
 
 ASK_AGAIN_S = 6.5
-"""The wait before a command is resent to a device that has fallen silent, seconds."""
+"""The wait before a command is resent to a device that has fallen silent, in seconds."""
 TIMED_OUT = "timed out"
 """The beginning of the detail of a reply that reports a time-out; no device sent that reply."""
 

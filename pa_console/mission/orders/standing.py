@@ -24,12 +24,13 @@ from pa_console.schema.mission import PLACE, StandingOrder, StandingStart
 from pa_console.schema.telemetry import Picture
 
 SETTLE_S = 1.0
-"""The time that a condition must hold, seconds; a shorter change is noise."""
+"""The time that a condition must hold, in seconds; a shorter change is noise."""
 REST_S = 30.0
-"""The time after which an occurrence is over, if its condition has not held meanwhile, seconds."""
+"""The time after which an occurrence is over, if its condition has not held meanwhile, in
+seconds."""
 HOUR_S = 3600.0
 AGAIN_S = 2.0
-"""The error of an order's countdown, seconds, at which its next moment is emitted again."""
+"""The error of an order's countdown, in seconds, at which its next moment is emitted again."""
 MOST_ORDERS = 20
 """The largest number of standing orders in force."""
 

@@ -16,11 +16,11 @@ from pa_console.schema.plan import Plan
 from pa_console.schema.telemetry import Picture
 
 DRIFT_PCT = 3.0
-"""The change of an agent's charge that makes a rehearsal outdated, percentage points."""
+"""The change of an agent's charge that makes a rehearsal outdated, in percentage points."""
 DRIFT_M = 10.0
-"""The change of an agent's position that makes a rehearsal outdated, metres."""
+"""The change of an agent's position that makes a rehearsal outdated, in metres."""
 AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0
-"""The shortest times between two rehearsals, seconds: after a sudden change, after a drift while
+"""The shortest times between two rehearsals, in seconds: after a sudden change, after a drift while
 the plan is new, and after a drift once it has waited long."""
 
 

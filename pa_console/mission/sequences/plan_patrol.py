@@ -30,7 +30,7 @@ PREFERRED: tuple[AssetKind, ...] = ("uav", "robot", "ugv")
 used."""
 MOST_RELIEFS = 4
 RESERVE_PCT = 2.0
-"""The charge above the low mark that an asset keeps at the end of its last leg, percent."""
+"""The charge above the low mark that an asset keeps at the end of its last leg, in percent."""
 
 
 @dataclass(frozen=True)

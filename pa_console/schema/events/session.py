@@ -24,7 +24,8 @@ Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 ServerState = Literal["probing", "ready", "unconstrained", "away"]
 WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
-"""A worker that is `unconfined` is ready, in a process that this system does not confine."""
+"""The states of a worker; an `unconfined` one is ready, in a process that this system does not
+confine."""
 
 MOST_CONTACTS = 64
 """The number of contacts kept at a time."""
@@ -229,7 +230,8 @@ class CameraStill(Payload):
 
 TakState = Literal["connected", "away"]
 LossReason = Literal["stale", "removed", "left"]
-"""The report has expired, its sender removed it from the map, or it has left the site."""
+"""The reasons for the loss of a contact: its report has expired, its sender removed it from the
+map, or it has left the site."""
 
 ClaimedAffiliation = Literal[
     "friend", "assumed friend", "neutral", "unknown", "pending", "suspect", "hostile", "other"

@@ -30,7 +30,7 @@ _DIGITS = 9
 
 TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
 LEAST_WIDTH = 40
-"""The least width of a chart, cells."""
+"""The least width of a chart, in cells."""
 
 ROWS_ELSEWHERE = 6
 """The approximate number of terminal lines that are neither map nor panel."""

@@ -34,7 +34,7 @@ from pa_console.views.event_words import (
 )
 
 YOUNG_S = 10.0
-"""The least age of a plan that is shown, seconds."""
+"""The least age of a plan that is shown, in seconds."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pa_console.tui.controllers.settings import SettingsController
 from pa_console.tui.terminal import when_hung_up
 
 CLOSE_WITHIN_S = 3.0
-"""The longest wait for the session to end before the console closes, seconds."""
+"""The longest wait for the session to end before the console closes, in seconds."""
 
 
 class LeavingController:

@@ -15,7 +15,7 @@ from pa_console.tui.widgets.map_view import MapView
 from pa_console.views.waiting import Waiting, behind_line
 
 LOOK_S = 1.0
-"""The interval between two checks of the telemetry's age, wall seconds."""
+"""The interval between two checks of the telemetry's age, in wall seconds."""
 
 
 class SessionFeed:

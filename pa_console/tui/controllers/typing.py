@@ -20,13 +20,13 @@ from pa_console.tui.controllers.console_session import ConsoleSession
 from pa_console.tui.controllers.settings import SettingsController
 
 TEXT_S = 0.5
-"""The longest time between two keys of a text, seconds.
+"""The longest time between two keys of a text, in seconds.
 
 Two different printable keys are text if at least one of them is a letter.
 """
 
 CHOSEN_S = 5.0
-"""The time for which a command waits for Enter and a notice about keys is shown, seconds."""
+"""The time for which a command waits for Enter and a notice about keys is shown, in seconds."""
 
 KeyTime = Callable[[events.Key], float]
 """A function for the time of a key, in seconds of a monotonic clock; tests replace it."""

@@ -27,7 +27,7 @@ from pa_console.tui.map.plan_layer import PlanLayer, dimmed
 from pa_console.tui.status_words import Reliance, cover_state, short_names, term, track_names
 
 RAY_DEG = 7.5
-"""The angle between two rays of an outline, degrees."""
+"""The angle between two rays of an outline, in degrees."""
 
 OVER_WALLS: AssetKind = "uav"
 """The kind of asset whose sight no wall blocks."""

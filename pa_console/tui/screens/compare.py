@@ -27,7 +27,7 @@ from pa_console.views.comparison import ENDED, EventDifference, SessionCompariso
 from pa_console.views.event_words import event_in_words, kind_in_words
 
 TALL = 30
-"""The least height of a screen with maps, rows."""
+"""The least height of a screen with maps, in rows."""
 
 SHORT = 40
 """The greatest length of two values, taken together, that share a row."""

@@ -27,7 +27,7 @@ from pa_console.tui.widgets.still import STILL_ROWS, ReadStill, StillView
 PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
 
 WIDTH = 46
-"""The width of a card, cells; its height depends on its content."""
+"""The width of a card, in cells; its height depends on its content."""
 
 GIVE = "give"
 """The effect of a choice with an order that is sent at once; it moves no asset."""

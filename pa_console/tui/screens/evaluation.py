@@ -39,7 +39,7 @@ from pa_console.tui.widgets.evaluation_runs import (
 from pa_console.tui.widgets.fields import LineField
 
 LOOK_S = 1.0
-"""The interval between two checks of the folder for new runs, wall seconds."""
+"""The interval between two checks of the folder for new runs, in wall seconds."""
 
 
 class EvaluationScreen(ListScreen[RunRows]):

@@ -39,7 +39,7 @@ from pa_console.tui.widgets.row_views import EventList
 from pa_console.tui.widgets.trace_pane import NO_MISSION, TracePane
 
 PLAY_FRAME_S = 0.1
-"""The interval between two frames of a playback, seconds."""
+"""The interval between two frames of a playback, in seconds."""
 
 LEAST_SIZE = (60, 18)
 WIDE_SIZE = (100, 30)

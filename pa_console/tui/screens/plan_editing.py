@@ -30,7 +30,7 @@ from pa_console.tui.status_words import BAD, GOOD, KIND_WORDS, QUIET, WARN
 from pa_console.tui.widgets.fields import LineField, TextField
 
 CHECK_AFTER_S = 0.3
-"""The pause in editing after which the plan is rehearsed and checked, seconds."""
+"""The pause in editing after which the plan is rehearsed and checked, in seconds."""
 LIKE = 60.0
 """The least similarity of a name that is suggested, out of 100."""
 

@@ -56,7 +56,7 @@ STEP = 20_000
 """The number of events searched between two checks for newer input."""
 
 WIDE = 120
-"""The least width of a banner with the signs of the marks, cells."""
+"""The least width of a banner with the signs of the marks, in cells."""
 
 
 class RecordingScreen(MainScreen):

@@ -28,7 +28,7 @@ from pa_console.tui.widgets.fields import TextField
 from pa_console.tui.widgets.row_views import TextRows
 
 SETTLE_S = 0.25
-"""The pause in typing before the rule is checked, wall seconds."""
+"""The pause in typing before the rule is checked, in wall seconds."""
 
 
 @dataclass(frozen=True)

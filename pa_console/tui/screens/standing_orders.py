@@ -25,7 +25,7 @@ StandingChange = Literal["revoke", "pause", "resume", "skip", "again"]
 """The changes that an operator can make to a standing order from the list."""
 
 LOOK_S = 0.5
-"""The interval between two checks for changes, seconds."""
+"""The interval between two checks for changes, in seconds."""
 
 
 class StandingRows(PointedRows[StandingTrace]):

@@ -54,7 +54,7 @@ _NO_RUNS = (
 )
 _GAP = "  "
 LEAST_TEXT = 14
-"""The least width of a text column, cells; without this room, the table exceeds the screen."""
+"""The least width of a text column, in cells; without this room, the table exceeds the screen."""
 
 LEAST_WIDTH = 40
 

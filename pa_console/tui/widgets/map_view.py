@@ -24,13 +24,13 @@ from pa_console.tui.plan_preview import PlanPreview
 from pa_console.tui.refresh import retitle
 
 TRAIL_S = 20.0
-"""The length of a trail, simulated seconds."""
+"""The length of a trail, in simulated seconds."""
 
 GAP_S = 6.0
-"""The longest gap between two pictures that a trail bridges, seconds."""
+"""The longest gap between two pictures that a trail bridges, in seconds."""
 
 STEP_M = 0.5
-"""The least movement of a trail, metres; less is noise of the position."""
+"""The least movement of a trail, in metres; less is noise of the position."""
 
 MOST_THINGS = 200
 """The largest team with trails; more trails would cover the map."""
@@ -53,7 +53,7 @@ LEGEND = (
 """The glyph, word and role of each sign; a sign is listed only while its role is on the map."""
 
 LEGEND_FROM_ROWS = 13
-"""The least height of a map with a legend, rows."""
+"""The least height of a map with a legend, in rows."""
 
 RIGHT_BUTTON = 3
 MOST_ZOOM = 16.0
@@ -62,7 +62,7 @@ FOLLOW_ZOOM = 2.0
 
 SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 SCALE_COLUMNS = 7
-"""The approximate length of the scale bar, columns."""
+"""The approximate length of the scale bar, in columns."""
 
 PAN_SHARE = 0.25
 """The share of the view that one step of panning moves."""

@@ -34,7 +34,7 @@ _ASK = "Why?   Why not ASSET?   What would you do instead?   Enter asks it"
 """The text of the empty prompt if only questions are accepted."""
 
 PUT_S = 0.5
-"""The time after a text was put here in which `Enter` does not send it, seconds.
+"""The time after a text was put here in which `Enter` does not send it, in seconds.
 
 Such an `Enter` restarts the time.
 """

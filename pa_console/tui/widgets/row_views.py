@@ -27,7 +27,7 @@ NOTES = "notes"
 """The column that takes the remaining room."""
 
 MARK = 2
-"""The width of the pointer in front of a row, cells."""
+"""The width of the pointer in front of a row, in cells."""
 
 Item = TypeVar("Item")
 

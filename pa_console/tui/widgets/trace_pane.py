@@ -30,7 +30,7 @@ def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
 
 
 def drawn(section: trace_parts.TraceSection) -> list[RowSection]:
-    """Return a section with its rows, which include those of its parts if it is folded.
+    """Return a section with its rows, to which a folded section adds the rows of its parts.
 
     The parts of an open section follow it.
     """
