@@ -67,7 +67,7 @@ class ChangedCompositor(Compositor):
 
     def render_partial_update(self) -> ChopsUpdate | None:
         """Render the changed regions."""
-        widgets, _ = self.visible_widgets, self.cuts  # the cuts are those of all widgets
+        widgets, _ = self.visible_widgets, self.cuts  # cuts need all widgets
         # A widget that begins where a change ends counts, because the cursor is moved there.
         changed = [Region(x, y, width + 1, height) for x, y, width, height in self._dirty_regions]
         self._visible_widgets = {
@@ -183,7 +183,7 @@ class ReplayedScreen:
         quiet = 0
         while quiet < QUIET_ROUNDS:
             await asyncio.sleep(0)
-            if quiet == QUIET_ROUNDS - 1:  # new widgets are looked for once, because it takes long
+            if quiet == QUIET_ROUNDS - 1:  # slow, so new widgets are looked for only once
                 self._pumps = (self._app, *screen.walk_children(with_self=True))
             quiet = 0 if any(pump.message_queue_size for pump in self._pumps) else quiet + 1
 
@@ -218,7 +218,7 @@ async def picture_replay(
         app.exit()
 
     running = asyncio.create_task(app.run_async(mouse=False, size=size, auto_pilot=ready))
-    gc.freeze()  # collections need not look at the modules and the recording, which stay
+    gc.freeze()  # the garbage collector skips the modules and the recording
     try:
         await asyncio.shield(running)
     except asyncio.CancelledError:

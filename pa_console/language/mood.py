@@ -310,7 +310,7 @@ def _reports(words: str) -> Iterator[_Sign]:
         if not subject.islower() or not subject.isalpha() or subject in _set("speaker"):
             continue
         content = words[match.end() :]
-        if len(content) <= _CLOSING and "," in before[-3:]:  # the speaker is named after the words
+        if len(content) <= _CLOSING and "," in before[-3:]:  # the speaker follows the speech
             yield _Sign("reported", 0, len(words))
         elif _QUOTE in content.split()[:5]:
             yield _Sign("reported", 0, match.end() + content.index(_QUOTE) + len(_QUOTE))
@@ -348,7 +348,7 @@ def _waits(words: str) -> Iterator[_Sign]:
             continue
         if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
             continue
-        if names_time(words[: match.start()]):  # it goes by the clock, and this says why
+        if names_time(words[: match.start()]):  # a time is given; the rest is its reason
             continue
         content = _STOP.split(words[match.end() :])[0].split()
         seen = match[0] == "after" or _set("observable").intersection(content)

@@ -288,7 +288,7 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
     reading = shown.asked.removeprefix(ASKED)
     if shown.own or reading.count(NOWHERE) != 1 or reading.startswith("if "):
         return None
-    if len(planned.readings) > 1:  # another reader has a place for it
+    if len(planned.readings) > 1:  # another reader has read a known place
         return None
     if any(action.verb != "hold" for action in shown.examination.plan.actions):
         return None

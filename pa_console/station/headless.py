@@ -155,7 +155,7 @@ async def _end(
             await _watched(station, duration_s, over, decided)
         finally:
             over.cancel()
-    await _missions_over(station, all_given)  # alarms may have started others meanwhile
+    await _missions_over(station, all_given)  # alarms may have started more missions
     await station.close("every mission is finished")
 
 

@@ -192,7 +192,7 @@ class LiveReading:
         """Plan `text` like a mission and show its reading."""
         try:
             line = await self.line(text)
-        except Exception:  # a defect shows once the order is sent; a draft reports none
+        except Exception:  # a defect is reported once the order is sent
             line = ""
         if line and self._show is not None:
             self._shown = True
@@ -262,7 +262,7 @@ class ReadAhead:
     async def load(self) -> None:
         """Load model, dictionary and patterns; with `unasked`, read the beginnings of prompts."""
         async with self._turn:
-            with suppress(EngineError):  # the engine's state reports it; so does the next prompt
+            with suppress(EngineError):  # the engine's state and the next prompt report it
                 await self._services.engine.start()
                 await asyncio.to_thread(prepare)
                 await asyncio.to_thread(self._services.rulebook.prepare)

@@ -210,7 +210,7 @@ class MissionWorker:
         self._run.see(picture)
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
-        # A mission that was moved ahead keeps its turn: the other has had its chance of an answer.
+        # A mission that was moved ahead keeps its turn if the other has already asked for approval.
         kept = (
             mission.id == self._first and entry is not None and entry.mission.id in self._requested
         )

@@ -183,7 +183,7 @@ class Flight(ReportingVehicle):
             self._answer(hold.command, "done", "stands on the ground, disarmed")
             hold.done = True
 
-    # The passing of time
+    # Steps in time
 
     def step(self) -> None:
         """Continue with the order: repeat requests, and detect refusals and lack of progress."""

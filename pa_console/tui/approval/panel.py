@@ -171,7 +171,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._body.tell(
             tuple(approval_rows(trace, preview, foreseen if asked == request_id else ""))
         )
-        if self._still.show(trace.still):  # the lines and what a key does have changed
+        if self._still.show(trace.still):  # the lines and the effects of keys have changed
             self.set_class(self._still.has_room, "-pictured")
             self._body.begin_anew()
             self.disarm()

@@ -100,7 +100,7 @@ class ConsoleSession:
 
         self.app.push_screen(Confirm(question, yes=yes, no=no), answered)
 
-    # What is legal now
+    # Legal actions
 
     @property
     def situation(self) -> ActionContext:

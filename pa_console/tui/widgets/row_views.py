@@ -362,7 +362,7 @@ class EventList(ScrollView):
         return max(20, self.scrollable_content_region.width or self.size.width)
 
     def _resized(self) -> None:
-        # the last scroll counts: a pane that gets lower has not been scrolled away from the end
+        # only scrolling leaves the end of the list; a pane that shrinks does not
         following = self._at_end or self.scroll_offset.y >= self.max_scroll_y - 1
         self.virtual_size = Size(self._width(), len(self._lines))
         if following and not self._ending:
