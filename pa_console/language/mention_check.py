@@ -388,7 +388,7 @@ class _OrderWords:
         return name in self._names or numbered or self._has_fault(name) or self._is_the_only(name)
 
     def _is_the_only(self, name: str) -> bool:
-        """Return whether `name` is the only one of its kind, or the only free one of it.
+        """Return whether `name` is the only asset of its kind, or its only free one.
 
         The kind has to be mentioned.
         """

@@ -155,7 +155,7 @@ def people_needed(
 
 
 def people_words(needed: Mapping[str, int]) -> str:
-    """Return in words the parts that more than one person must approve."""
+    """Return the parts that more than one person must approve, in words."""
     needs = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
     return ", ".join(needs)
 

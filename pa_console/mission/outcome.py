@@ -198,7 +198,7 @@ def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
     """Return `task` if its executed `plan` could only begin it (WF-01); None otherwise.
 
     A contact must be identified before it is warned. If it turns out to be no threat, the workflow
-    does not go on, although a warning was ordered.
+    does not continue, although a warning was ordered.
     """
     reading = read_reason(plan.reason)
     asks = reading.asks if reading is not None else ()

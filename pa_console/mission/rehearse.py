@@ -237,7 +237,7 @@ class _Recorder:
     def __init__(
         self, world: World, before: Picture, plan: Plan, gaps_s: Mapping[str, float]
     ) -> None:
-        """Begin with the picture `before`; `gaps_s` is the time each gate was uncovered by then."""
+        """Begin with the picture `before`; `gaps_s` is how long each gate had been uncovered."""
         self._world, self._before, self._last = world, before, before
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]

@@ -157,7 +157,7 @@ class CameraStills:
 
 
 def _problem(error: Exception) -> str:
-    """Return in words why there is no picture."""
+    """Return the reason why there is no picture."""
     match error:
         case SnapshotError():
             return str(error)

@@ -214,7 +214,7 @@ class MissionQueue:
 
 
 def _reason(entry: _Waiting, before: _Waiting | None) -> str:
-    """Return in words why `entry` comes after `before`, or first."""
+    """Return the reason why `entry` comes after `before`, or first."""
     if entry.deferred:
         return "deferred by the operator: its turn comes when nothing else waits"
     if entry.moved:

@@ -421,7 +421,7 @@ def _does(action: Action) -> str:
 
 
 def _done(action: Action) -> str:
-    """Return in words that an action has been completed."""
+    """Return the words for the completion of an action."""
     place = place_words(action.target) if action.target else ""
     match action.verb:
         case "return_to_base":

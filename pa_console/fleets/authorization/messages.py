@@ -26,8 +26,8 @@ Kind = Literal["operator", "override", "standing"]
 KINDS: tuple[Kind, ...] = ("operator", "override", "standing")
 """The kinds of approval.
 
-An `operator` approval follows a look at the plan, an `override` goes against the judge's Failure
-and gives a reason, and a `standing` approval is given in advance.
+An `operator` approval is given with the plan in view, an `override` goes against the judge's
+Failure and gives a reason, and a `standing` approval is given in advance.
 """
 
 Message = Literal["command", "approval", "roster", "revocation", "takeover", "records"]

@@ -1,6 +1,6 @@
 """The broker of a site: its address, the certificates of its clients, and a connection to it.
 
-A broken connection is made again, without any wait for it. A message that cannot be sent at once is
+A broken connection is made again in the background. A message that cannot be sent at once is
 dropped, because a late order is worse than none. The sender finds out from the answers whether a
 message arrived, and sends it again if necessary.
 """

@@ -29,7 +29,7 @@ class Premises:
         return tuple(gate for gate in self.world.gates if gate in named)
 
     def broken(self, picture: Picture, open_agents: Sequence[str]) -> tuple[str, ...]:
-        """Return in words each premise that `picture` contradicts."""
+        """Return each premise that `picture` contradicts, in words."""
         return (
             *self._lost_agents(picture, open_agents),
             *self._lost_gates(picture),
@@ -163,7 +163,7 @@ def safe_state(
 
 
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
-    """Return in words why `asset` is no longer available to the plan; '' if it is.
+    """Return why `asset` is no longer available to the plan; '' if it is.
 
     A report that is only late is not a reason; otherwise, every plan on a lossy link would be
     halted.

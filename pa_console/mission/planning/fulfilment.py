@@ -49,7 +49,7 @@ def of_everyone(ask: Ask) -> bool:
 
 
 def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield a description of each difference between the assets sent and those requested."""
+    """Describe each difference between the assets sent and those requested."""
     place, team = case.moves.world.base if ask.task == "home" else ask.place, ask.who
     yield from _absent(case, ask, place)
     there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
@@ -83,7 +83,7 @@ def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
 
 
 def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words each last guard that leaves its gate for `ask` although an asset is free."""
+    """Describe each last guard that leaves its gate for `ask` although an asset is free."""
     if ask.who.names or ask.task not in ("go", "look", "cover", "relieve"):
         return
     moves, place = case.moves, post_of(case.moves, ask)
@@ -110,7 +110,7 @@ def _is_left(moves: PlanMoves, name: str) -> bool:
 
 
 def _absent(case: PlanForOrder, ask: Ask, place: str) -> Iterator[str]:
-    """Yield in words each named asset that is not sent, unless it covers a gate alone."""
+    """Describe each named asset that is not sent, unless it covers a gate alone."""
     relief = case.spare(ask) and not case.others_stay
     for name in _fit(case, ask):
         if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
@@ -141,7 +141,7 @@ def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words the missing step at a place: to identify a contact, then to warn it (WF-01).
+    """Describe the missing step at a place: to identify a contact, then to warn it (WF-01).
 
     An unobserved contact is observed first, in the same plan (WF-02); noncombatants are only
     watched (ROE-08).
@@ -173,7 +173,7 @@ def is_to_be_warned(track: Track) -> bool:
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield the complaint that a lane is not blocked, unless its contact comes first (WF-01)."""
+    """Describe a lane that is not blocked, unless its contact has to be met first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(ask.place))
     moves, fit = case.moves, _fit(case, ask)
     can = fit or case.spare(ask, "ugv") or moves.there(ask.place, "ugv")
@@ -202,7 +202,7 @@ def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield a complaint if several guards stay or none does, or if none goes home."""
+    """Describe the fault if several guards stay or none does, or if none goes home."""
     there = {*case.moves.guards(ask.place), *case.moves.sent(ask.place)}
     left = [name for name in there if case.moves.ends(name) == ask.place]
     if ask.place in case.moves.world.gates and len(left) != 1:
@@ -212,7 +212,7 @@ def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Yield in words the missing reports; of all assets, those that act need not report."""
+    """Describe the missing reports; if all assets are to report, those that act need not."""
     actions = case.moves.plan.actions
     reporting = {action.agent for action in actions if action.verb == "report"}
     if ask.who.names:
@@ -262,7 +262,7 @@ FIND_GAPS: Mapping[Task, Callable[[PlanForOrder, Ask], Iterator[str]]] = {
 
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
-    """Return in words the parts of `reading` that the plan lacks, then its unrequested parts."""
+    """Return descriptions of the parts that the plan lacks, then of its unrequested parts."""
     due = [ask for ask in reading.asks if not obstacle_to(ask, moves.world, moves.before)]
     vain = {w.place for w in reading.asks if w not in due and w.task in _MEETS}
     case = PlanForOrder(moves, tuple(due), reading.others_stay, frozenset(vain))
@@ -278,7 +278,7 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
 
 
 def _unasked(case: PlanForOrder) -> Iterator[str]:
-    """Yield in words the parts of the plan that neither the asks nor the rules require."""
+    """Describe the parts of the plan that neither the asks nor the rules require."""
     moves, due = case.moves, case.due
     moving = [ask for ask in due if ask.task not in STILL_TASKS]
     if not moving:

@@ -83,7 +83,7 @@ def _in_words(problem: Obstacle, task: Task, picture: Picture) -> str:
 
 
 def _nobody(ask: Ask, picture: Picture) -> str:
-    """Return the sentence that every asset that could do it is down; '' if one is not."""
+    """Return a sentence if every asset that could do it is down; otherwise ''."""
     kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
@@ -260,7 +260,7 @@ def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, 
 
 
 def _there_already(moves: PlanMoves, ask: Ask) -> str:
-    """Return in words the assets already at the place of `ask`, if no asset is sent there."""
+    """Return the assets already at the place of `ask`, in words, if no asset is sent there."""
     if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
         return ""
     if ask.who.names:

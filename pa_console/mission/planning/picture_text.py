@@ -30,7 +30,7 @@ Pick = tuple[str, str]
 
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
-    """Return in words why the state of an asset is uncertain; '' if it is certain.
+    """Return why the state of an asset is uncertain; '' if it is certain.
 
     The state of a failed asset is certain.
     """
@@ -89,7 +89,7 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
 
 
 def _unknown(picture: Picture, gates: tuple[str, ...], team: list[AssetTelemetry]) -> Iterator[str]:
-    """Yield in words the gates with uncertain cover, then other assets in an uncertain state."""
+    """Describe the gates with uncertain cover, then other assets in an uncertain state."""
     reported: set[str] = set()
     for gate in gates:
         cover = picture.gates[gate]

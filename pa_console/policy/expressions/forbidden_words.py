@@ -1,4 +1,4 @@
-"""Requests that no mission may make, in words that no list of violent verbs contains.
+"""Requests that no mission may make, in words that are in no list of violent verbs.
 
 Rules call these functions in addition to their own patterns, which are literal and in English. This
 module covers other languages, euphemisms and idioms (`forbidden_words.yaml`). All functions read

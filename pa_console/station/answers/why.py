@@ -90,7 +90,7 @@ def is_able(name: str, action: Action, world: World) -> bool:
 
 
 def who_is_able(action: Action) -> str:
-    """Return in words which kinds of asset can carry out `action`."""
+    """Return the kinds of asset that can carry out `action`, in words."""
     kinds = [PLAIN_KINDS[kind] for kind in PLAIN_KINDS if kind in COMMANDS[action.verb].kinds]
     return f"only a {' or '.join(kinds)} can {action.verb}"
 
