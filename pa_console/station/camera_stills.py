@@ -142,7 +142,7 @@ class CameraStills:
         return still
 
     async def _picture(self, camera: str, track: str) -> bytes:
-        """Return a picture from the camera; only this task waits for it."""
+        """Return an image from the camera; only this task waits for it."""
         spec = self._fleet.world.cameras[camera]
         if spec.image_topic:
             if not isinstance(self._fleet, RelaysImages):
@@ -157,7 +157,7 @@ class CameraStills:
 
 
 def _problem(error: Exception) -> str:
-    """Return the reason why there is no picture."""
+    """Return the reason why there is no image."""
     match error:
         case SnapshotError():
             return str(error)

@@ -49,7 +49,7 @@ OnState = Callable[[WorkerState, str], None]
 
 
 class SessionEngine(Protocol):
-    """The engine of a session's own model, as a station uses it."""
+    """The engine of a session's local model, as a station uses it."""
 
     on_state: OnState | None
     """A callback for each new state and its reason."""

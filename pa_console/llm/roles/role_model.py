@@ -154,7 +154,7 @@ def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
 
 @dataclass(frozen=True)
 class RoleModel:
-    """Planner and judge of one model; `server` is None for the session's own model."""
+    """Planner and judge of one model; `server` is None for the session's local model."""
 
     planner: Planner
     judge: Judge
@@ -174,7 +174,7 @@ class RoleModel:
 
     @property
     def where(self) -> str:
-        """The name of the model on a server, or '' for the session's own model."""
+        """The name of the model on a server, or '' for the session's local model."""
         return self.server.name if self.server is not None else ""
 
 

@@ -262,7 +262,7 @@ class VerifyResult:
 
 
 def verify(path: Path, accepted: Collection[str] | None = None) -> VerifyResult:
-    """Check every record, the chain, the signatures, the head and the pictures of a log.
+    """Check every record, the chain, the signatures, the head and the stills of a log.
 
     `accepted` are the fingerprints of accepted keys, by default this machine's. Raises LogError if
     a file cannot be read, SigningError if this machine's keys cannot be read.
@@ -306,7 +306,7 @@ class _Chain:
         self._hash_at_head = ""
         self._notes: list[str] = []
         self._stills: list[tuple[CameraStill, int]] = []
-        """The pictures that an operator was shown, each with its line."""
+        """The stills that an operator was shown, each with its line."""
         self._set_back: list[tuple[timedelta, int]] = []
         """Steps back of the clock, each with the number of the next line."""
 
@@ -399,9 +399,9 @@ class _Chain:
         return None
 
     def picture_damage(self) -> Damage | None:
-        """Return the damage if a picture beside the log is not the one that was shown.
+        """Return the damage if a still beside the log is not the one that was shown.
 
-        Pictures that are not there are noted: a log may have been copied without them.
+        Missing stills are only noted, because a log may have been copied without them.
         """
         missing = 0
         for still, line in self._stills:

@@ -100,7 +100,7 @@ class ApprovalPanel(Vertical, can_focus=True):
     ) -> None:
         """Build a panel that countersigns plans of a `joined` session, or else decides.
 
-        `read_still` returns the file of a camera's picture.
+        `read_still` returns the file of a still.
         """
         shown = "-joined" if joined is not None else ""
         super().__init__(id="approval", classes=shown if decides else "-closed")
@@ -124,7 +124,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._playing = False
 
     def compose(self) -> ComposeResult:
-        """Yield the camera picture, the plan, the inputs and the buttons."""
+        """Yield the still, the plan, the inputs and the buttons."""
         yield from (self._still, self._body, self._given_fields, self._reason, self._buttons)
 
     def on_mount(self) -> None:

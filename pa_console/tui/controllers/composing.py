@@ -380,7 +380,7 @@ class ComposingController:
             )
 
     async def _show_still(self, card: Card, track: str) -> None:
-        """Show a camera's picture of a track on its card; in a recording, the last logged one."""
+        """Show a camera still of a track on its card; in a recording, the last logged one."""
         session = self._session
         if session.station is None or session.recording is not None:
             still = session.shown_state.stills.get(track)

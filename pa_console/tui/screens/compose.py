@@ -300,7 +300,7 @@ class Card(ModalScreen[CardChoice | None]):
     ) -> None:
         """Open the card beside the cell `at` of the screen; None means the middle.
 
-        `read_still` returns the file of a camera's picture.
+        `read_still` returns the file of a still.
         """
         super().__init__()
         self._still = StillView(read_still)
@@ -335,7 +335,7 @@ class Card(ModalScreen[CardChoice | None]):
         self._place()
 
     def show_still(self, still: CameraStill, now_s: float) -> None:
-        """Show a camera's picture below the choices, or its problem above them."""
+        """Show a still below the choices, or its problem above them."""
         if still.problem:
             self._lines = [*self._lines, f"{still.camera}, no picture: {still.problem}"]
             self.query_one("#card-lines", Static).update("\n".join(self._lines))

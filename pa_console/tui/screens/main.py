@@ -138,7 +138,7 @@ class MainScreen(Screen[None]):
         yield from ()
 
     def read_still(self, still: CameraStill) -> bytes | None:
-        """Return the file of a camera's picture; None if it is missing or has changed."""
+        """Return the file of a still; None if it is missing or has changed."""
         return read_still(self.log_file, still)
 
     def on_mount(self) -> None:

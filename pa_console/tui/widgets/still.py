@@ -1,4 +1,4 @@
-"""A camera's picture of a track in half blocks, two pixels a cell, with its caption.
+"""A camera still of a track in half blocks, two pixels a cell, with its caption.
 
 Every terminal shows half blocks; they can be copied with the screen and scroll with it. Kitty or
 Sixel graphics would need a query to the terminal before the console starts, and the answer would
@@ -19,14 +19,14 @@ ReadStill = Callable[[CameraStill], bytes | None]
 """A function that returns the stored file of a still; None if it is missing or has changed."""
 
 BESIDE = 40
-"""The least width of a picture with its caption beside it and not below it, in cells."""
+"""The least width of a still with its caption beside it and not below it, in cells."""
 STILL_ROWS = 7
-"""The height of a picture with its caption beside it, in lines."""
+"""The height of a still with its caption beside it, in lines."""
 _CAPTION, _MOST_PIXELS = 16, 4_000_000
 
 
 def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
-    """Return a picture as lines within `columns` and `rows`; none if it cannot be read."""
+    """Return an image as lines within `columns` and `rows`; none if it cannot be read."""
     try:
         from PIL import Image  # noqa: PLC0415 - only where a picture is shown
 
@@ -56,7 +56,7 @@ def _cells(upper: bytes, lower: bytes) -> Iterator[tuple[str, str]]:
 
 
 class StillView(Widget):
-    """A picture and its age; without a picture, the widget takes no room."""
+    """A still and its age; without an image, the widget takes no room."""
 
     DEFAULT_CSS = f"""
     StillView {{ width: 100%; height: {STILL_ROWS}; }}
@@ -73,11 +73,11 @@ class StillView(Widget):
 
     @property
     def has_room(self) -> bool:
-        """True if there is a picture, which takes room."""
+        """True if there is an image, which takes room."""
         return not self.has_class("-empty")
 
     def show(self, still: CameraStill | None) -> bool:
-        """Show another picture, None for none; return whether the widget's room has changed."""
+        """Show another still, None for none; return whether the widget's room has changed."""
         if still != self._still:
             self._still, self._drawn = still, None
             self._content = (self._read(still) if still is not None else None) or b""
@@ -87,7 +87,7 @@ class StillView(Widget):
         return self.has_room != before
 
     def tell_age(self, now_s: float) -> None:
-        """Show the age of the picture at a moment of the session's clock."""
+        """Show the age of the still at a moment of the session's clock."""
         before, self._now_s = self._age, now_s
         if self._age != before:
             self.refresh()
@@ -99,7 +99,7 @@ class StillView(Widget):
         return f"{max(self._now_s - self._still.taken_s, 0.0):.0f} s ago"
 
     def render(self) -> Content:
-        """Return the picture and its caption, which is beside the picture if there is room."""
+        """Return the image and its caption, which is beside the image if there is room."""
         still, (width, height) = self._still, self.content_size
         if still is None or width < 1 or height < 3:
             return Content()
