@@ -9,7 +9,8 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
-"""The statuses with which a mission awaits its assets; the others are decided by an operator."""
+"""The statuses with which a mission awaits its assets: it is not verified, and no operator has
+ended it."""
 
 
 @dataclass(frozen=True)
