@@ -104,7 +104,7 @@ def test_every_other_command_names_what_is_there(page: Path) -> None:
     for line in shell_lines(page):
         words = line.split("#")[0].split()
         if words[0] == "make":
-            assert re.search(rf"^{words[1]}:", makefile, re.MULTILINE), line
+            assert re.search(rf"^(?:[\w ]+ )?{words[1]}(?: [\w ]+)?:", makefile, re.MULTILINE), line
         elif "python -m" in line:
             variables, module = words[: words.index("python")], words[words.index("-m") + 1]
             folders = [variable.partition("=")[2] for variable in variables] or [""]
