@@ -1,4 +1,4 @@
-"""Step 6: the conditions for the approval of a checked plan, decided by fixed checks.
+"""Step 7: the conditions for the approval of a checked plan, decided by fixed checks.
 
 An approval may be given in advance, by a standing instruction or a standing order. No person sees
 such a plan, so it needs a higher confidence and stricter rules.

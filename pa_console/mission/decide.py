@@ -1,4 +1,4 @@
-"""Step 6 of a mission: other readings of the order, and the operator's decision on the plan.
+"""Step 7 of a mission: other readings of the order, and the operator's decision on the plan.
 
 Only the operator knows for certain which reading of an order is right.
 """
@@ -75,7 +75,7 @@ class ApprovedPlan:
 async def decide(
     context: MissionContext, planned: PlanForDecision, before: Readings, answer: Decide
 ) -> AdmissibleDecision:
-    """Request approval of a plan (step 6) until there is an admissible decision.
+    """Request approval of a plan (step 7) until there is an admissible decision.
 
     The request offers the other possible readings of the order; those in `before` remain on offer.
     """

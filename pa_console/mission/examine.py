@@ -1,4 +1,4 @@
-"""Step 6: the checks of a plan: its structure, its rehearsal, and every rule in force.
+"""Step 5: the checks of a plan: its structure, its rehearsal, and every rule in force.
 
 All rules in force are checked, not only the retrieved ones.
 """

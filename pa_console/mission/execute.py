@@ -1,4 +1,4 @@
-"""Step 7 of a mission: dispatch of a plan, its end or halt, and the wait for evidence."""
+"""Step 8 of a mission: dispatch of a plan, its end or halt, and the wait for evidence."""
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -97,7 +97,7 @@ class Execution:
         self._breaches.append(broken)
 
     async def run(self, step: ApprovedStep) -> ExecutedPlan:
-        """Send every command of a step and follow each until its outcome can be shown (step 7).
+        """Send every command of a step and follow each until its outcome can be shown (step 8).
 
         A broken premise or ordering halts the plan to the safe state that was approved with it. A
         plan is also halted if its approval cannot be logged, before any command is sent, or if the

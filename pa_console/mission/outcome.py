@@ -1,4 +1,4 @@
-"""Step 7: the progress of a mission in its workflows (WF-01), and the result of its plans."""
+"""Step 9: the progress of a mission in its workflows (WF-01), and the result of its plans."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -164,7 +164,7 @@ async def plan(
     reasons: Sequence[str] = (),
     previous: str = "",
 ) -> PlanForDecision | PlanningFailure:
-    """Plan and examine (steps 3 to 6) until nothing blocks the plan, at most 1 + repairs times.
+    """Plan and examine (steps 3 to 5) until nothing blocks the plan, at most 1 + repairs times.
 
     `reasons` are the faults of the `previous` plan. The least bad plan is proposed to the operator,
     who may acknowledge mere warnings. If the model only states its reading and the console makes
@@ -219,7 +219,7 @@ async def take(
     written: Plan,
     author: Literal["operator", "agent", "console"] = "operator",
 ) -> PlanForDecision:
-    """Examine a plan that no model wrote, like any other (step 6)."""
+    """Examine a plan that no model wrote, like any other (step 5)."""
     number = context.next_attempt()
     context.emit(ev.PlanProposed(attempt=number, author=author, text=written.answer, plan=written))
     retrieved = answered.retrieved

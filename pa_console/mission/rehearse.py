@@ -1,4 +1,4 @@
-"""Step 6: the rehearsal of a plan in a forecast, with a record of what happens on the way."""
+"""Step 5: the rehearsal of a plan in a forecast, with a record of what happens on the way."""
 
 import asyncio
 import math

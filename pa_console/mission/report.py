@@ -1,4 +1,4 @@
-"""Step 8: the after-action report of a mission, in a few plain lines (WF-09, WF-10)."""
+"""Step 10: the after-action report of a mission, in a few plain lines (WF-09, WF-10)."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Step 2 of a mission: the rules in the planner's prompt."""
+"""Step 3 of a mission: the rules in the planner's prompt."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -33,7 +33,7 @@ class RetrievedRules:
 def retrieve(
     context: MissionContext, task: Mission, verbs: tuple[Verb, ...] = (), chosen: str = ""
 ) -> RetrievedRules:
-    """Retrieve the rules that concern the words of `task`, and the pinned rules (step 2).
+    """Retrieve the rules that concern the words of `task`, and the pinned rules (step 3).
 
     The variant selects pinned rules, the best matches, or both.
     """

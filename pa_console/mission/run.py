@@ -233,7 +233,7 @@ class MissionRun:
         self._results = Results(mission, self._progress, self._monitor, self._station.open_alarms)
 
     def close(self, outcome: MissionResult) -> None:
-        """Emit the report and the end of the mission (step 8)."""
+        """Emit the report and the end of the mission (step 10)."""
         facts, picture = self._facts, self._services.fleet.picture()
         status, reason = outcome.status, outcome.reason
         if (read := self._understood) is not None:
@@ -269,7 +269,7 @@ class MissionRun:
         return self._execution.halt()
 
     async def _plan_after_plan(self) -> MissionResult | NotUnderstood:
-        """Run steps 2 to 7 for each plan that the mission takes; return its result."""
+        """Run steps 3 to 9 for each plan that the mission takes; return its result."""
         task = self._progress.task or self.mission
         reasons: tuple[str, ...] = ()
         tries: dict[str, int] = {}
@@ -298,7 +298,7 @@ class MissionRun:
             reasons, task = self._results.lacking(following, task), following
 
     def _retrieve(self, task: Mission) -> RetrievedRules:
-        """Retrieve the rules (step 2); keep a reading that the operator confirmed for this text."""
+        """Retrieve the rules (step 3); keep a reading that the operator confirmed for this text."""
         before = self._retrieved
         chosen = before.chosen if before is not None and before.task.text == task.text else ""
         retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
@@ -308,7 +308,7 @@ class MissionRun:
     async def _until_approved(
         self, retrieved: RetrievedRules, reasons: Sequence[str]
     ) -> ApprovedPlan | MissionResult | NotUnderstood:
-        """Plan, examine, judge and decide (steps 3 to 6) until a plan is approved or none can be.
+        """Plan, examine, judge and decide (steps 3 to 7) until a plan is approved or none can be.
 
         The steps are repeated for the operator's own plan or reading, and for a plan that a change
         of the situation has made void.
@@ -395,10 +395,10 @@ class MissionRun:
     async def _carry_out(
         self, approved: ApprovedPlan, task: Mission, phase: str
     ) -> tuple[str, ...] | MissionResult:
-        """Execute and verify one plan, watch its consequences, and request a verdict (step 7).
+        """Execute and verify one plan, watch its consequences, and request a verdict.
 
-        Returns the reasons for a halt, or the mission's result if a plan in steps was not
-        completed. The report also includes a plan that was interrupted.
+        These are steps 8 and 9. Returns the reasons for a halt, or the mission's result if a plan
+        in steps was not completed. The report also includes a plan that was interrupted.
         """
         decided, shown, services = approved.decided, approved.planned.best, self._services
         services.gate.grant(decided.request, decided.decision, services.rulebook)
@@ -441,7 +441,7 @@ class MissionRun:
     async def _carry_out_steps(
         self, approved: ApprovedPlan, task: Mission, phase: str
     ) -> tuple[str, ...] | MissionResult:
-        """Execute a plan in steps (step 7); return the mission's result if it was not completed.
+        """Execute and verify a plan in steps; return the mission's result if it was not completed.
 
         Each step is verified by itself; the judge is not asked about the outcome.
         """

@@ -1,4 +1,4 @@
-"""Step 1: the words of a mission, corrected and checked before any model reads them.
+"""Steps 1 and 2: the words of a mission, corrected and checked before any model reads them.
 
 Misspelt words are corrected. A word is misspelt if it is in no dictionary, list of operators'
 words, rule or name of the world. It is replaced by the likeliest word within a few typing slips (a

@@ -1,4 +1,4 @@
-"""Step 1 of a mission: what its words refer to, and what they rule out by themselves."""
+"""Step 2 of a mission: what its words refer to, and what they rule out by themselves."""
 
 import asyncio
 from dataclasses import dataclass, replace
@@ -97,7 +97,7 @@ class StandingOffer:
 async def understand(
     context: MissionContext, answers: Answers
 ) -> RefusedMission | NotUnderstood | Understood | StandingOffer:
-    """Read a mission's words: find what they refer to and what they rule out (step 1).
+    """Read a mission's words: find what they refer to and what they rule out (step 2).
 
     The rules on words may refuse the mission, and words that are no order lead to a question. An
     order with a condition or a time is a standing order. No model is asked. `answers` are the

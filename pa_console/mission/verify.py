@@ -1,4 +1,4 @@
-"""Step 7: the verification of a plan by telemetry; unknown never counts as done.
+"""Step 9: the verification of a plan by telemetry; unknown never counts as done.
 
 A pass requires reports that are fresh and plausible, and were sent at or after the end of the
 command. A device's own *done* proves nothing. The judge's verdict on the outcome does not change
@@ -57,7 +57,7 @@ class _Evidence:
 def verify(
     context: MissionContext, plan: Plan, executed: ExecutedPlan, step: int = 0
 ) -> Verification:
-    """Compare the present telemetry with the effects that an executed plan should have (step 7).
+    """Compare the present telemetry with the effects that an executed plan should have (step 9).
 
     It is not called for a plan that was halted. `step` is the number of `plan` among the steps of
     the approved plan; 0 for a whole plan.
@@ -242,7 +242,7 @@ class OutcomeCase:
 def ask_about_outcome(
     prompt_format: PromptFormat, world: World, case: OutcomeCase
 ) -> JudgeQuestion:
-    """Return the question whether the task was accomplished (step 7)."""
+    """Return the question whether the task was accomplished (step 9)."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
     if prompt_format.outcome_opening is None:

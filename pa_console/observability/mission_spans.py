@@ -33,26 +33,25 @@ Step = Literal[
     "outcome",
     "report",
 ]
-"""The steps of a mission, which belong to the eight steps of the paper: 1 intake, 2 retrieve, 3
-picture, 4 prompt, 5 plan, 6 rehearse to decide, 7 execute to outcome, 8 report."""
+"""The names of spans, each for a part of one of a mission's steps."""
 
 NUMBERS: dict[Step, int] = {
     "intake": 1,
-    "retrieve": 2,
+    "retrieve": 3,
     "picture": 3,
     "prompt": 4,
-    "plan": 5,
-    "rehearse": 6,
-    "safeguards": 6,
+    "plan": 4,
+    "rehearse": 5,
+    "safeguards": 5,
     "judge": 6,
     "read_again": 6,
-    "decide": 6,
-    "execute": 7,
-    "verify": 7,
-    "outcome": 7,
-    "report": 8,
+    "decide": 7,
+    "execute": 8,
+    "verify": 9,
+    "outcome": 9,
+    "report": 10,
 }
-"""The number of the paper's step for each step."""
+"""The number of the mission's step for each span; the judge's prompt belongs to the judge's."""
 
 MISSION = "mission"
 """The name of the span of a whole mission."""
@@ -135,7 +134,7 @@ class MissionSpans:
             self._missions.popitem(last=False)
 
     def _prepare(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Process an event of steps 1 to 5: queue, rules, picture, prompt and plan."""
+        """Process an event of steps 1 to 4: queue, rules, picture, prompt and plan."""
         t = event.t
         match event.data:
             case ev.MissionStarted():
@@ -154,6 +153,8 @@ class MissionSpans:
                 self._whole(traced, "picture", t, seconds)
             case ev.PromptBuilt(role=role, attempt=attempt, seconds=seconds):
                 about = {"pa.role": role, "pa.attempt": attempt}
+                if role == "judge":
+                    about["pa.step"] = NUMBERS["judge"]
                 self._whole(traced, "prompt", t, seconds, about)
             case ev.PlanProposed(attempt=attempt, author=author, plan=plan, usage=usage):
                 about = {
@@ -170,7 +171,7 @@ class MissionSpans:
                 pass
 
     def _examine(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Process an event of the automatic part of step 6."""
+        """Process an event of steps 5 and 6."""
         t = event.t
         match event.data:
             case ev.PlanRehearsed(attempt=attempt, seconds=seconds):
@@ -196,7 +197,7 @@ class MissionSpans:
                 pass
 
     def _decide(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Process an event of the operator's part of step 6."""
+        """Process an event of step 7."""
         t = event.t
         match event.data:
             case ev.ApprovalRequested():
@@ -231,7 +232,7 @@ class MissionSpans:
                 pass
 
     def _execute(self, traced: _MissionSpan, event: ev.Event) -> None:
-        """Process an event of steps 7 and 8."""
+        """Process an event of steps 8 to 10."""
         t = event.t
         match event.data:
             case ev.CommandSent(command=command):

@@ -90,7 +90,7 @@ def prepare_checks(
 
 
 def check_mission(rulebook: Rulebook, mission: Mission, world: World) -> tuple[Finding, ...]:
-    """Return a finding for every rule that is decided by the mission's words alone (step 1)."""
+    """Return a finding for every rule that is decided by the mission's words alone (step 2)."""
     contexts = _contexts(mission_variables(mission, world), mission, rulebook.parts)
     with shared_deadline(CHECKS_S):
         return tuple(

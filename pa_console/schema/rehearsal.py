@@ -1,4 +1,4 @@
-"""The results of a plan's run in a forked simulation (step 6): its moments and the whole."""
+"""The results of a plan's run in a forked simulation (step 5): its moments and the whole."""
 
 from typing import Literal
 

@@ -203,7 +203,7 @@ def _session_event(data: ev.EventPayload) -> str:
 
 
 def _planning_event(data: ev.EventPayload) -> str:
-    """Return the words of events of steps 1 to 6."""
+    """Return the words of events of steps 1 to 7."""
     words = ""
     match data:
         case ev.QuestionAsked(question=question, choices=choices):
@@ -258,7 +258,7 @@ def _state(request: ev.ApprovalRequested) -> str:
 
 
 def _execution_event(data: ev.EventPayload) -> str:
-    """Return the words of events of steps 7 and 8."""
+    """Return the words of events of steps 8 to 10."""
     match data:
         case ev.CommandSent(command=command):
             return f"{command.agent}: {order_in_words(command)}"

@@ -1,4 +1,4 @@
-"""Steps 6 to 8 of a mission's trace: decision, commands, halts, verification, report, outcome."""
+"""Steps 7 to 10 of a mission's trace: decision, commands, halts, verification, report, outcome."""
 
 import re
 from collections.abc import Sequence
@@ -54,7 +54,7 @@ def decisions(made: Sequence[DecisionMade], voided: str) -> TraceSection:
             blocks.append(TraceLine((Span(f"not accepted: {item.detail}", "bad"),), depth=1))
     if voided:
         blocks.append(statement(f"plan void: {voided}", "bad"))
-    return TraceSection("decision", "Decision", tuple(blocks), step=6)
+    return TraceSection("decision", "Decision", tuple(blocks), step=7)
 
 
 def _below(text: str) -> TraceLine:
@@ -67,7 +67,7 @@ def command_state(command: CommandTrace) -> Status:
 
 
 def commands(given: Sequence[CommandTrace], options: TraceOptions) -> TraceSection:
-    """Return step 7: every dispatched command with its state, repetitions and reply."""
+    """Return step 8: every dispatched command with its state, repetitions and reply."""
     columns = [
         Column("state", 14),
         Column("asset", 11, stress="bold"),
@@ -85,7 +85,7 @@ def commands(given: Sequence[CommandTrace], options: TraceOptions) -> TraceSecti
         ]
     done = sum(command_state(sent).word == "done" for sent in given)
     note = f"{done} of {len(given)} done"
-    return TraceSection("commands", "Commands", (table(columns, rows),), step=7, note=note)
+    return TraceSection("commands", "Commands", (table(columns, rows),), step=8, note=note)
 
 
 def _command(sent: CommandTrace) -> tuple[Status | str, ...]:
@@ -100,7 +100,7 @@ def _replies(sent: CommandTrace) -> str:
 
 
 def halts(given: Sequence[PlanHalted]) -> list[TraceSection]:
-    """Return step 7: the reasons of each halt of a running plan."""
+    """Return step 8: the reasons of each halt of a running plan."""
     return [_halt(item, number) for number, item in enumerate(given)]
 
 
@@ -111,17 +111,17 @@ def _halt(given: PlanHalted, number: int) -> TraceSection:
         blocks.append(labelled("safe state", "nothing was under way", "quiet"))
     title = f"Why plan {given.attempt} was stopped"
     key = f"halt-{given.attempt}" + (f".{number}" if number else "")
-    return TraceSection(key, title, tuple(blocks), step=7, mark=status_of("outcome", "halted"))
+    return TraceSection(key, title, tuple(blocks), step=8, mark=status_of("outcome", "halted"))
 
 
 def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
-    """Return step 7: the unsent actions of a plan with steps, and the reasons."""
+    """Return step 8: the unsent actions of a plan with steps, and the reasons."""
     return [
         TraceSection(
             f"held-{item.attempt}.{number}",
             "Not sent",
             (*(labelled("held", order) for order in item.orders), statement(item.reason, "bad")),
-            step=7,
+            step=8,
             mark=status_of("outcome", "halted"),
         )
         for number, item in enumerate(given)
@@ -129,7 +129,7 @@ def held(given: Sequence[StepsHeld]) -> list[TraceSection]:
 
 
 def verification(given: VerifiedPlan, number: int) -> TraceSection:
-    """Return step 7: the verification by telemetry, its time, and the judge's verdict on it."""
+    """Return step 9: the verification by telemetry, its time, and the judge's verdict on it."""
     blocks: list[Block] = []
     verified = given.verification
     if verified.actions:
@@ -156,12 +156,12 @@ def verification(given: VerifiedPlan, number: int) -> TraceSection:
     mark = status_of("outcome", verified.outcome)
     key, title = f"verification-{number}", "Verification"
     title += f" of step {given.step}" if given.step else ""
-    return TraceSection(key, title, tuple(blocks), step=7, mark=mark, note=note)
+    return TraceSection(key, title, tuple(blocks), step=9, mark=mark, note=note)
 
 
 def judged_outcome(verdict: Verdict | None, error: str) -> TraceSection:
     """Return the judge's verdict on an outcome that telemetry did not verify."""
-    return TraceSection("judged", "Outcome, judged", outcome_verdict(verdict, error), step=7)
+    return TraceSection("judged", "Outcome, judged", outcome_verdict(verdict, error), step=9)
 
 
 _ACTION = re.compile(r"- (?P<what>\S+ [^:]+)(?:: (?P<text>.*))?")
@@ -189,8 +189,8 @@ def report_table(report: str) -> TraceTable:
 
 
 def report(trace: MissionTrace) -> TraceSection:
-    """Return step 8: the brief after-action report (WF-09)."""
-    return TraceSection("report", "After-action report", (report_table(trace.report),), step=8)
+    """Return step 10: the brief after-action report (WF-09)."""
+    return TraceSection("report", "After-action report", (report_table(trace.report),), step=10)
 
 
 def outcome(trace: MissionTrace) -> TraceSection:

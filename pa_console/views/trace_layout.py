@@ -31,10 +31,17 @@ from pa_console.views.trace_planning import Rules
 _MOST_LABEL = 15
 """The largest width of the labels in an answer, in cells."""
 STEPS = (
-    "queued", "retrieve", "picture", "prompt", "plan", "safeguards", "judge", "decide",
-    "execute", "verify", "report",
+    "submit", "understand", "retrieve", "plan", "examine", "judge", "decide", "execute",
+    "verify", "report",
 )  # fmt: skip
-"""The stages of a mission, in order."""
+"""The steps of a mission, in order."""
+_STEPS_OF_STAGES = {
+    "retrieve": "understand", "picture": "retrieve", "prompt": "plan", "safeguards": "examine",
+}  # fmt: skip
+"""The steps of the stages that are not named after their step.
+
+A mission is at the stage `retrieve` until its rules have been retrieved.
+"""
 
 
 def lay_out(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
@@ -80,7 +87,7 @@ def lay_out_proposal(
 
 
 def _given(trace: MissionTrace, rules: Rules, options: TraceOptions) -> list[TraceSection]:
-    """Return steps 2 and 3: the rules and the picture used for planning."""
+    """Return steps 2 and 3: the standing order, and the rules and picture used for planning."""
     result: list[TraceSection] = []
     if trace.standing is not None:
         result.append(standing_order(trace.standing))
@@ -185,7 +192,7 @@ def _attempt(
     if record and attempt.text and attempt.plan is not None:
         title = f"The {attempt.author}'s answer"
         parts.append(
-            planning.answer(f"answer-{number}", title, attempt.text, attempt.usage, step=5)
+            planning.answer(f"answer-{number}", title, attempt.text, attempt.usage, step=4)
         )
     if attempt.rehearsal is not None:
         parts.append(planning.rehearsal(attempt, attempt.rehearsal, options))
@@ -253,9 +260,15 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
     return (head, *read, *(standing(moves) for moves in by_track(trace).values()))
 
 
+def step_name(trace: MissionTrace) -> str:
+    """Return the mission's present step; its stage if it is queued or finished."""
+    return _STEPS_OF_STAGES.get(trace.stage, trace.stage)
+
+
 def step_of(trace: MissionTrace) -> int:
-    """Return the number of the mission's present step in STEPS."""
-    return STEPS.index(trace.stage) if trace.stage in STEPS else 0
+    """Return the number of the mission's present step; 0 if it is queued or finished."""
+    name = step_name(trace)
+    return STEPS.index(name) + 1 if name in STEPS else 0
 
 
 def progress(trace: MissionTrace) -> Spans:
@@ -264,7 +277,7 @@ def progress(trace: MissionTrace) -> Spans:
         mark = status_of("mission", trace.shown_status)
         return Span(mark.text, mark.tone), Span(f"  {trace.reason}", "quiet")
     if step := step_of(trace):
-        return (Span(f"step {step} of {len(STEPS) - 1}: {trace.stage}"),)
+        return (Span(f"step {step} of {len(STEPS)}: {step_name(trace)}"),)
     return (Span(f"waits: {trace.preempted}" if trace.preempted else "waits in the queue"),)
 
 
@@ -323,7 +336,7 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
             table(heads, ((move.track, _phase(move), move.command) for move in trace.workflow))
         )
     rules = ", ".join(dict.fromkeys(move.rule_id for move in trace.workflow))
-    return TraceSection("workflow", "Workflow", tuple(blocks), step=1, note=f"by {rules}")
+    return TraceSection("workflow", "Workflow", tuple(blocks), note=f"by {rules}")
 
 
 def standing_order(read: StandingOrderRead) -> TraceSection:
@@ -332,7 +345,7 @@ def standing_order(read: StandingOrderRead) -> TraceSection:
     timed = order.schedule is not None
     if order.ban is not None:
         ban = (labelled("ban", order.order), labelled("holds", order.words))
-        return TraceSection("standing", f"Standing order {order.id}", ban, step=1)
+        return TraceSection("standing", f"Standing order {order.id}", ban, step=2)
     trigger = [labelled("moments", order.words), labelled("next", moments_in_words(read.moments))]
     state = [labelled("whenever", order.words), labelled("in CEL", order.condition, "calm")]
     blocks: list[Block] = [
@@ -349,7 +362,7 @@ def standing_order(read: StandingOrderRead) -> TraceSection:
         blocks.append(
             labelled("now", "the condition is not met, so no mission would start", "quiet")
         )
-    return TraceSection("standing", f"Standing order {order.id}", tuple(blocks), step=1)
+    return TraceSection("standing", f"Standing order {order.id}", tuple(blocks), step=2)
 
 
 def _phase(move: WorkflowMoved) -> str:

@@ -104,8 +104,8 @@ Block = TraceLine | TraceTable | Text
 class TraceSection:
     """One titled part of a trace.
 
-    `key` identifies the part while its content grows. `step` is its step in the paper, from 1 to 8,
-    or 0 for none. A `collapsed` section is folded at first.
+    `key` identifies the part while its content grows. `step` is its step of the mission, from 1 to
+    10, or 0 for none. A `collapsed` section is folded at first.
     """
 
     key: str

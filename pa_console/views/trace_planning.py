@@ -1,4 +1,4 @@
-"""Steps 2 to 6 of a mission's trace: rules, picture, prompt, plan, and safeguards."""
+"""Steps 3 to 7 of a mission's trace: rules, picture, plan, checks, judge, and approval."""
 
 import json
 import re
@@ -54,7 +54,7 @@ MOST_GATES = 12
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
-    """Return step 2: each rule with its text and the parts of its score, and the rule set.
+    """Return step 3: each rule with its text and the parts of its score, and the rule set.
 
     Retrieved rules come before pinned ones, which are in every prompt whatever their score.
     """
@@ -82,7 +82,7 @@ def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) ->
             row.append(rule.text if rule else "(not in this rulebook)")
     under = f", set {trace.rules[:SHORT]}" if trace.rules else ""
     note = f"{len(trace.hits)} by {trace.method}, {duration_text(trace.retrieval_s)}{under}"
-    return TraceSection("rules", "Rules retrieved", (table(columns, rows),), step=2, note=note)
+    return TraceSection("rules", "Rules retrieved", (table(columns, rows),), step=3, note=note)
 
 
 def pictures(given: Digest, options: TraceOptions, key: str = "") -> Iterator[TraceSection]:
@@ -147,14 +147,14 @@ def prompt(attempt: Attempt) -> TraceSection:
 
 
 def plan(attempt: Attempt) -> TraceSection:
-    """Return step 5: the answer while it streams, then the plan parsed from it."""
+    """Return step 4: the answer while it streams, then the plan parsed from it."""
     usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
     if read is None:
         unreadable = Status("✘", "unreadable", "bad")
         mark = unreadable if attempt.error else status_of("step", "active")
         blocks: list[Block] = [Text(attempt.text, verbatim=True)] if attempt.text else []
         blocks += [statement(attempt.error, "bad")] if attempt.error else []
-        return TraceSection(key, "Plan", tuple(blocks), step=5, mark=mark)
+        return TraceSection(key, "Plan", tuple(blocks), step=4, mark=mark)
     blocks = [TraceLine((Span(read.reason, stress="italic"),))]
     columns = (
         Column("#", 2, "quiet"),
@@ -181,7 +181,7 @@ def plan(attempt: Attempt) -> TraceSection:
     blocks += [_warning("unsure", attempt.doubt)] if attempt.doubt else []
     spent = f"{count(usage.completion_tokens, 'token')}, {_took(usage)}"
     note = f"by the {attempt.author}" if attempt.author != "planner" else spent
-    return TraceSection(key, "Plan", tuple(blocks), step=5, note=note)
+    return TraceSection(key, "Plan", tuple(blocks), step=4, note=note)
 
 
 def _stay(action: Action) -> str:
@@ -193,7 +193,7 @@ def plan_json(attempt: Attempt) -> TraceSection:
     lines = tuple(_json_line(line) for line in _json_lines(attempt.text))
     note = f"as the {attempt.author if attempt.author != 'planner' else 'model'} wrote it"
     return TraceSection(
-        f"answer-{attempt.number}", "Plan as JSON", lines, step=5, note=note, collapsed=True
+        f"answer-{attempt.number}", "Plan as JSON", lines, step=4, note=note, collapsed=True
     )
 
 
@@ -276,7 +276,7 @@ def rehearsal(attempt: Attempt, run: Rehearsal, options: TraceOptions) -> TraceS
     )
     note = f"{timeline.duration_s:.0f} s rehearsed in {duration_text(attempt.rehearsal_s)}"
     key = f"rehearsal-{attempt.number}"
-    return TraceSection(key, "Rehearsal", tuple(blocks), step=6, mark=mark, note=note)
+    return TraceSection(key, "Rehearsal", tuple(blocks), step=5, mark=mark, note=note)
 
 
 def _gate(line: GateTimeline) -> tuple[Status, str]:
@@ -340,14 +340,14 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Trace
     key = f"checks-{attempt.number}"
     stands = statement("every checked rule holds or does not apply", "quiet")
     block = _findings(broken, rules) if broken else stands
-    yield TraceSection(key, "Checks", (block,), step=6, mark=mark, note=note)
+    yield TraceSection(key, "Checks", (block,), step=5, mark=mark, note=note)
     if rest and with_rest:
         held = sum(item.status == "complies" for item in rest)
         yield TraceSection(
             f"{key}-rest",
             "Rules that stand",
             (_findings(rest, rules),),
-            step=6,
+            step=5,
             note=f"{held} comply, {len(rest) - held} other",
             collapsed=True,
         )
@@ -387,7 +387,7 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     note = f"tick {given.tick}, {given.time_s:.1f} s"
     key = f"evidence-{attempt.number}"
     blocks = (labelled(stands, by), *facts)
-    return TraceSection(key, "Telemetry used by the checks", blocks, step=6, note=note)
+    return TraceSection(key, "Telemetry used by the checks", blocks, step=5, note=note)
 
 
 def verdict(attempt: Attempt) -> TraceSection:
@@ -448,7 +448,7 @@ def approval(asked: ApprovalRequested) -> TraceSection:
     blocks += [labelled("read as", plain_reading(asked.asked))] if asked.asked else []
     blocks += [labelled("may also mean", plain_reading(words)) for words in asked.readings]
     mark = Status("▶", f"plan {asked.attempt} waits for the operator", "note")
-    return TraceSection("approval", "Approval", tuple(blocks), step=6, mark=mark)
+    return TraceSection("approval", "Approval", tuple(blocks), step=7, mark=mark)
 
 
 def outcome_verdict(given: Verdict | None, error: str) -> tuple[TraceLine, ...]:

@@ -24,7 +24,7 @@ from pa_console.session.state import SessionState
 from pa_console.views.event_words import trigger_in_words
 
 WORK = {
-    "retrieve": "finding the rules that apply",
+    "retrieve": "reading the order and finding its rules",
     "picture": "reading the picture",
     "prompt": "writing the prompt",
     "plan": "the model writes the plan",
@@ -36,7 +36,7 @@ WORK = {
     "verify": "telemetry is compared with the plan",
     "report": "the report is written",
 }
-"""The line for each step that runs without the operator."""
+"""The line for each stage that runs without the operator."""
 
 SHOWN_AFTER_S = 0.3
 """Seconds before a step is shown; a shorter step would be over before its name can be read."""

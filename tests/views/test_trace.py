@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from markdown_it import MarkdownIt
 
 from pa_console.export.markdown import mission_document
+from pa_console.manual_pages import load_manual
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
 from pa_console.schema.mission import Decision
@@ -21,7 +22,7 @@ from pa_console.terminal.output import PlainConsole
 from pa_console.tui.rows import plain
 from pa_console.tui.widgets.trace_pane import sections
 from pa_console.views.trace_execution import report_table
-from pa_console.views.trace_layout import lay_out, lay_out_proposal
+from pa_console.views.trace_layout import lay_out, lay_out_proposal, progress
 from pa_console.views.trace_parts import Detail, TraceOptions, TraceSection
 from tests.schema.strategies import PAYLOADS, models
 from tests.tui import living, story
@@ -59,6 +60,23 @@ def test_a_document_shows_the_picture_that_was_shown_with_the_plan() -> None:
     assert f"](<../S%201.jsonl.stills/{'a' * 64}.png>)" in document
     assert f"SHA-256 {'a' * 64}" in as_document(trace)
     assert "](<" not in as_document(trace)
+
+
+def test_a_mission_goes_through_the_steps_of_the_manual() -> None:
+    page = load_manual().find("missions").text
+    listed = {
+        f"{n}: {name.lower()}" for n, name in re.findall(r"^(\d+)\. \*\*(\w+)\*\*", page, re.M)
+    }
+    state, shown = SessionState(), list[list[str]]()
+    for event in story.stamped(story.told("finished")):
+        state.apply(event)
+        for trace in state.missions.values():
+            shown.append(progress(trace)[0].text.removeprefix("step ").split(" of 10: "))
+    steps = [": ".join(parts) for parts in shown if len(parts) == 2]
+    assert {*steps} <= listed
+    numbers = [int(step.partition(":")[0]) for step in steps]
+    assert numbers == sorted(numbers)
+    assert {*range(2, 11)} - {*numbers} <= {6}, "only the judge is asked without a prompt"
 
 
 FRONT_ENDS = (on_screen, on_terminal, as_document)

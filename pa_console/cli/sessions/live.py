@@ -39,6 +39,7 @@ from pa_console.station.earlier.unclosed_session import (
 from pa_console.station.rules_in_force import RulesWatch
 from pa_console.station.station import ControlStation
 from pa_console.terminal.output import errors, warn_of_altered
+from pa_console.views.trace_layout import step_name
 
 if TYPE_CHECKING:
     from pa_console.fleets.station_authority import StationAuthority
@@ -266,7 +267,7 @@ def _print_unclosed(unclosed: UnclosedSession) -> None:
     scenario = f", {started.scenario}" if started.scenario else ""
     lines = [f"The session {started.session}{scenario} ended without being closed{at}."]
     for trace in unclosed.interrupted:
-        mission = f"{trace.mission.id} {trace.mission.said!r} ({trace.stage})"
+        mission = f"{trace.mission.id} {trace.mission.said!r} ({step_name(trace)})"
         lines.append(f"  active     {mission}: will be held")
     lines += _named("waiting", [f"{e.mission.id} {e.mission.said!r}" for e in unclosed.waiting])
     lines += _named("alarm", [f"{a.alarm.priority}: {a.alarm.text}" for a in state.alarms])

@@ -47,6 +47,7 @@ from pa_console.terminal.mission import (
     step_line,
 )
 from pa_console.terminal.output import BAD_INPUT, errors, out, print_json
+from pa_console.views.trace_layout import step_name
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 ASKED_BACK = 5
@@ -258,7 +259,7 @@ class _Progress:
             return waiting
         if trace is not None:
             attempt = f", attempt {len(trace.attempts)}" if len(trace.attempts) > 1 else ""
-            return f"{trace.mission.id}: {trace.stage}{attempt}"
+            return f"{trace.mission.id}: {step_name(trace)}{attempt}"
         return f"model {worker.state} {worker.detail}" if worker is not None else "starting"
 
     async def ask(self, request: ApprovalRequested) -> Decision:

@@ -1,4 +1,4 @@
-"""Step 7: commands under way, from acknowledgement to their end: resends, repeats and time-outs."""
+"""Step 8: commands under way, from acknowledgement to their end: resends, repeats and time-outs."""
 
 import asyncio
 from collections.abc import AsyncIterator, Generator, Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Steps 3 to 5 of a mission: the question for the planner, and its answer."""
+"""Steps 3 and 4 of a mission: the question for the planner, and its answer."""
 
 import asyncio
 from collections.abc import Sequence
@@ -181,7 +181,7 @@ def ask_for_plan(
 async def ask_planner(
     context: MissionContext, retrieved: RetrievedRules, reasons: Sequence[str], previous: str
 ) -> PlannerAnswer:
-    """Ask the planner once (steps 3 to 5); `reasons` are the faults of the `previous` plan.
+    """Ask the planner once (steps 3 and 4); `reasons` are the faults of the `previous` plan.
 
     If a model on a server returns no plan, the local model plans instead.
     """
@@ -255,7 +255,7 @@ async def _served(
 async def ask_for_others(
     context: MissionContext, answered: PlannerAnswer, *, as_asked: bool = False
 ) -> list[NumberedPlan]:
-    """Ask for several answers at once (step 5); return the other plans, most likely first.
+    """Ask for several answers at once (step 4); return the other plans, most likely first.
 
     With `as_asked`, all of them have the reading of the first answer. All of them are emitted.
     There are none if the console makes the plan.
@@ -333,7 +333,7 @@ async def ask_who(
     slots: Sequence[CommandSlot],
     reader: Reader = "planner",
 ) -> NumberedPlan | None:
-    """Ask the planner to assign an agent to each command of `slots` (step 5).
+    """Ask the planner to assign an agent to each command of `slots` (step 4).
 
     The plan has the `reading` of the model `reader`. If the console makes the plans, it also
     assigns the agents. Returns None if the answer has no plan.

@@ -1,4 +1,4 @@
-"""Step 1 with the operator: an order is read, and its unclear words are asked about."""
+"""Step 2 with the operator: an order is read, and its unclear words are asked about."""
 
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.mission.context import MissionContext, MissionResult
@@ -28,7 +28,7 @@ class OrderQuestions:
         self._count = 0
 
     async def understand(self, unclear: NotUnderstood | None) -> Understood | MissionResult:
-        """Read the mission's words, and ask the operator about unclear ones (step 1).
+        """Read the mission's words, and ask the operator about unclear ones (step 2).
 
         Returns the mission's result if it cannot be planned. `unclear` is a question that came up
         when a step of the order was planned; it is asked first.

@@ -1,4 +1,4 @@
-"""Steps 2 to 6 for a patrol: legs from place to place, with relief before a battery gets low.
+"""Steps 3 to 6 for a patrol: legs from place to place, with relief before a battery gets low.
 
 A grammar has read the order, so neither planner nor second reader is asked. The judge is asked
 about the first leg to each place. The rules are checked for every leg, in the forecast after the

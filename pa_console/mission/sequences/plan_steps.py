@@ -1,4 +1,4 @@
-"""Steps 2 to 6 for an order in steps, each planned in the forecast after the step before it.
+"""Steps 3 to 6 for an order in steps, each planned in the forecast after the step before it.
 
 A step is read, planned and judged like an order of its own. Its plan is rehearsed, and the next
 step begins at the end of the rehearsal. The plans are joined into one, which is examined and

@@ -1,4 +1,4 @@
-"""Step 7 for a plan in steps: each is checked, executed and verified before the next one is sent.
+"""Steps 8 and 9 for a plan in steps: each is executed and verified before the next one is sent.
 
 A step that waits is examined again when its turn comes. The actions that depend on one that failed,
 or that telemetry does not show, are never sent, and an event names them.

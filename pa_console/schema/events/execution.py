@@ -1,4 +1,4 @@
-"""Events of steps 7 and 8: commands, halts, verification, report, stop."""
+"""Events of steps 8 to 10: commands, halts, verification, report, stop."""
 
 from typing import ClassVar, Literal
 
@@ -11,7 +11,7 @@ from pa_console.schema.mission import Metrics, MissionStatus, Verification
 
 
 class CommandSent(Payload):
-    """Step 7: a command went out on the link."""
+    """Step 8: a command went out on the link."""
 
     binding: ClassVar[bool] = True
 
@@ -20,7 +20,7 @@ class CommandSent(Payload):
 
 
 class CommandRefused(Payload):
-    """Step 7: the command gate refused a command without a decision, or during a stop."""
+    """Step 8: the command gate refused a command without a decision, or during a stop."""
 
     binding: ClassVar[bool] = True
     kind: Literal["command_refused"] = "command_refused"
@@ -29,7 +29,7 @@ class CommandRefused(Payload):
 
 
 class CommandResent(Payload):
-    """Step 7: an unanswered command was sent again with the same id."""
+    """Step 8: an unanswered command was sent again with the same id."""
 
     kind: Literal["command_resent"] = "command_resent"
     command_id: str
@@ -37,7 +37,7 @@ class CommandResent(Payload):
 
 
 class PlanHalted(Payload):
-    """Step 7: a premise of the running plan broke; each asset is sent its way to safety."""
+    """Step 8: a premise of the running plan broke; each asset is sent its way to safety."""
 
     kind: Literal["plan_halted"] = "plan_halted"
     attempt: int
@@ -46,7 +46,7 @@ class PlanHalted(Payload):
 
 
 class StepsHeld(Payload):
-    """Step 7: actions of an approved plan that are not sent because of earlier actions."""
+    """Step 8: actions of an approved plan that are not sent because of earlier actions."""
 
     kind: Literal["steps_held"] = "steps_held"
     attempt: int
@@ -55,7 +55,7 @@ class StepsHeld(Payload):
 
 
 class StepsPaused(Payload):
-    """Step 7: a mission was paused before its next step, or resumed."""
+    """Step 8: a mission was paused before its next step, or resumed."""
 
     kind: Literal["steps_paused"] = "steps_paused"
     paused: bool
@@ -63,14 +63,14 @@ class StepsPaused(Payload):
 
 
 class CommandReplied(Payload):
-    """Step 7: a device's reply, or `failed` after a time-out."""
+    """Step 8: a device's reply, or `failed` after a time-out."""
 
     kind: Literal["command_replied"] = "command_replied"
     reply: CommandReply
 
 
 class MissionVerified(Payload):
-    """Step 7: the outcome of the executed plan, according to telemetry."""
+    """Step 9: the outcome of the executed plan, according to telemetry."""
 
     kind: Literal["mission_verified"] = "mission_verified"
     verification: Verification
@@ -83,7 +83,7 @@ class MissionVerified(Payload):
 
 
 class OutcomeJudged(Payload):
-    """Step 7: the judge's verdict on the outcome of an executed plan, or why there is none.
+    """Step 9: the judge's verdict on the outcome of an executed plan, or why there is none.
 
     Nothing waits for it: it may come after other plans of the mission, and after the mission's end.
     """
@@ -98,7 +98,7 @@ class OutcomeJudged(Payload):
 
 
 class MissionReported(Payload):
-    """Step 8: the brief report (WF-09)."""
+    """Step 10: the brief report (WF-09)."""
 
     kind: Literal["mission_reported"] = "mission_reported"
     text: str

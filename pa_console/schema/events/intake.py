@@ -1,4 +1,4 @@
-"""Events of step 1, of standing orders, and of questions about the log."""
+"""Events of steps 1 and 2, of standing orders, and of questions about the log."""
 
 from datetime import datetime
 from typing import ClassVar, Literal
@@ -91,7 +91,7 @@ class Reference(StrictModel):
 
 
 class QuestionAsked(Payload):
-    """Step 1: a question about an order's meaning; an `answer` decision is added to the order."""
+    """Step 2: a question about an order's meaning; an `answer` decision is added to the order."""
 
     kind: Literal["question_asked"] = "question_asked"
     question: str
@@ -100,7 +100,7 @@ class QuestionAsked(Payload):
 
 
 class OrderRead(Payload):
-    """Step 1: the reading of an order that refers to the picture or to earlier orders."""
+    """Step 2: the reading of an order that refers to the picture or to earlier orders."""
 
     kind: Literal["order_read"] = "order_read"
     text: str = Field(description="the planned text: names in place of references")
@@ -114,7 +114,7 @@ class OrderRead(Payload):
 
 
 class OrderStepRead(Payload):
-    """Step 1: one step of an order in steps; the next plans are for this step alone."""
+    """Step 2: one step of an order in steps; the next plans are for this step alone."""
 
     kind: Literal["order_step_read"] = "order_step_read"
     step: int = Field(ge=1, description="its number, counted from 1")
@@ -163,7 +163,7 @@ class AgentMuted(Payload):
 
 
 class StandingOrderRead(Payload):
-    """Step 1: the reading of a standing order, which has not been approved yet."""
+    """Step 2: the reading of a standing order, which has not been approved yet."""
 
     kind: Literal["standing_order_read"] = "standing_order_read"
     order: StandingOrder

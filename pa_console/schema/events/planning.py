@@ -1,4 +1,4 @@
-"""Events of steps 2 to 6: from a mission's words to a decision on a plan."""
+"""Events of steps 3 to 7: from a mission's words to a decision on a plan."""
 
 from typing import Any, ClassVar, Literal
 
@@ -17,7 +17,7 @@ MOST_READINGS = 3
 
 
 class RulesRetrieved(Payload):
-    """Step 2: pinned and top-k rules with their scores, best first."""
+    """Step 3: pinned and top-k rules with their scores, best first."""
 
     kind: Literal["rules_retrieved"] = "rules_retrieved"
     method: str
@@ -34,7 +34,7 @@ class PictureDigested(Payload):
 
 
 class PromptBuilt(Payload):
-    """Step 4: the whole prompt of one role."""
+    """Steps 4 and 6: the whole prompt of one role."""
 
     kind: Literal["prompt_built"] = "prompt_built"
     role: Role
@@ -60,7 +60,7 @@ class TextStreamed(Payload):
 
 
 class PlanProposed(Payload):
-    """Step 5: the model's whole answer; `plan` is None if it could not be parsed."""
+    """Step 4: the model's whole answer; `plan` is None if it could not be parsed."""
 
     kind: Literal["plan_proposed"] = "plan_proposed"
     attempt: int
@@ -92,7 +92,7 @@ class PlanProposed(Payload):
 
 
 class PlanRehearsed(Payload):
-    """Step 6: the plan was run in a forked simulation."""
+    """Step 5: the plan was run in a forked simulation."""
 
     kind: Literal["plan_rehearsed"] = "plan_rehearsed"
     attempt: int
@@ -101,7 +101,7 @@ class PlanRehearsed(Payload):
 
 
 class PlanChecked(Payload):
-    """Step 6: the findings, one for every rule in force."""
+    """Step 5: the findings, one for every rule in force."""
 
     kind: Literal["plan_checked"] = "plan_checked"
     attempt: int
@@ -144,7 +144,7 @@ class OrderReadAgain(Payload):
 
 
 class RepairRequested(Payload):
-    """Step 6: the findings go back to the planner for another attempt."""
+    """Step 5: the findings go back to the planner for another attempt."""
 
     kind: Literal["repair_requested"] = "repair_requested"
     attempt: int
@@ -152,7 +152,7 @@ class RepairRequested(Payload):
 
 
 class ApprovalRequested(Payload):
-    """Step 6: the request to the operator, with the obstacles and the necessary acts."""
+    """Step 7: the request to the operator, with the obstacles and the necessary acts."""
 
     kind: Literal["approval_requested"] = "approval_requested"
     request_id: str = Field(default="", description="a decision may name it, see Decision")

@@ -17,6 +17,7 @@ from pa_console.session.state_parts import TakTrace
 from pa_console.session.timeline import MarkKind, RecordingTimeline
 from pa_console.tui.actions import first_key
 from pa_console.tui.status_words import NOTE, QUIET, WARN, cover_state, short_names, term
+from pa_console.views.trace_layout import step_name
 
 LEAST = 10
 
@@ -264,7 +265,7 @@ class StatusBar(Static):
             station = mode.removeprefix(JOINED).strip()
             waiting = " ▲ TO SIGN" if trace.approval.approvals else f" waits for {station}"
         phase = f" {trace.phase}:" if trace.phase else ""
-        return Content(f"{trace.mission.id}{phase} {trace.stage}"), waiting
+        return Content(f"{trace.mission.id}{phase} {step_name(trace)}"), waiting
 
 
 class _Item(NamedTuple):

@@ -69,7 +69,7 @@ def progress(trace: MissionTrace) -> Content:
     words = content(trace_layout.progress(trace))
     if trace.status is not None:
         return words
-    step, last = trace_layout.step_of(trace), len(trace_layout.STEPS) - 1
+    step, last = trace_layout.step_of(trace), len(trace_layout.STEPS)
     bar = Content.assemble(
         ("━━" * step, "$text-success"), ("━╸", "$text-accent"), ("──" * (last - step), "$faint")
     )
