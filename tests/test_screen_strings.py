@@ -19,7 +19,7 @@ from tests.glossary import retired_words, uses
 ROOT = Path(__file__).parent.parent / "pa_console"
 SPEAKING = (
     "api", "cli", "export", "fleets", "mission", "policy", "schema", "session", "settings",
-    "sim/worlds", "station", "tui", "views",
+    "sim/worlds", "station", "terminal", "tui", "views",
 )  # fmt: skip
 _SILENT_CALLS = frozenset(("compile", "sub", "search", "fullmatch", "match", "query", "query_one"))
 _SILENT_ARGUMENTS = frozenset(("id", "classes", "pattern", "discriminator", "default_css"))

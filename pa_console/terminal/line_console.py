@@ -48,7 +48,7 @@ _STANDING = re.compile(r"(?i)\s*(revoke|pause|resume|skip)\s+(s\d+)\s*")
 _CHANGE: TypeAdapter[Change] = TypeAdapter(Change)
 _MISSION = re.compile(r"(?is)\s*mission\b[\s:]+(\S.*)")
 JOINED_HELP = """\
-This session is commanded at {station}; your questions are answered here.
+{station} is in command of this session; your questions are answered here.
 These lines are commands:
   sign              countersign the waiting plan, if it needs two people
   sign because WHY  countersign it although the judge objects

@@ -10,7 +10,7 @@ from time import monotonic
 from pa_console.language.canonical.reading import plain_reading
 from pa_console.language.questions import Question
 from pa_console.schema.events import event as ev
-from pa_console.schema.telemetry import AssetTelemetry
+from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.text import clock_text, count
 from pa_console.session.state import MissionTrace, SessionState
 from pa_console.session.state_parts import Notice
@@ -72,15 +72,20 @@ def asset_lines(state: SessionState) -> list[str]:
     """Return a line for each asset: its place, its task, and its condition."""
     if state.picture is None:
         return ["no telemetry yet"]
-    return [
-        f"{asset.id}: {asset.task} {f'at {asset.at}' if asset.at else f'to {asset.post}'}, "
-        f"{asset.status}, battery {asset.charge}, link {asset.comms}"
-        f"{f' {over}' if (over := link_in_words(asset.id, state.picture.links)) else ''}"
-        f"{f', not ready: {why}' if (why := state.picture.not_ready.get(asset.id)) else ''}"
-        f"{', telemetry is stale' if asset.stale else ''}"
-        f"{f', MANUAL, {_by_hand(asset, state)}' if asset.manual else ''}"
-        for asset in state.picture.assets.values()
-    ]
+    return [_asset_line(asset, state, state.picture) for asset in state.picture.assets.values()]
+
+
+def _asset_line(asset: AssetTelemetry, state: SessionState, picture: Picture) -> str:
+    place = f"at {asset.at}" if asset.at else f"to {asset.post}"
+    link = f"link {asset.comms} {link_in_words(asset.id, picture.links)}".rstrip()
+    facts = [f"{asset.task} {place}", asset.status, f"battery {asset.charge}", link]
+    if why := picture.not_ready.get(asset.id):
+        facts.append(f"not ready: {why}")
+    if asset.stale:
+        facts.append("telemetry is stale")
+    if asset.manual:
+        facts += ["MANUAL", _by_hand(asset, state)]
+    return f"{asset.id}: {', '.join(facts)}"
 
 
 def _by_hand(asset: AssetTelemetry, state: SessionState) -> str:
@@ -282,7 +287,7 @@ class SessionLines(ABC):
     def take(self, event: ev.Event) -> None:
         """Process an event and show it; a waiting plan is shown by `show`."""
         self._last_notice = self._newest_notice()
-        pictured = frozenset(self.state.stills)
+        with_still = frozenset(self.state.stills)
         self.state.apply(event)
         if line := step_line(event):
             self._say(line)
@@ -296,8 +301,8 @@ class SessionLines(ABC):
             case ev.MissionReported(text=text):
                 self._say(text.strip())
             case ev.CameraStill(track=track, camera=camera, sha256=str(sha256)):
-                if track not in pictured:
-                    self._say(f"{camera} sees {track}: picture {sha256[:12]}… beside the log")
+                if track not in with_still:
+                    self._say(f"{camera} sees {track}: still {sha256[:12]}… beside the log")
             case ev.SessionEnded(reason=reason):
                 self._say(f"the session has ended: {reason}")
             case _:

@@ -78,7 +78,7 @@ class North:
 
     async def answer(self, question: Question) -> ev.QuestionAnswered:
         """Say what the test has for an answer."""
-        lines = (ev.AnswerLine(about="judge", said="passes it"),)
+        lines = (ev.AnswerLine(about="judge", said="does not object"),)
         return ev.QuestionAnswered(question=question.text, topic=question.topic, lines=lines)
 
     async def close(self) -> None:
@@ -164,7 +164,7 @@ async def test_a_question_is_answered_here_while_the_plan_waits_there() -> None:
     north = North(waiting(2), signer="")
     one = Typist(north)
     for text in ("Why?", "why not Robot_T02"):
-        assert await one.type(text) == "judge: passes it"
+        assert await one.type(text) == "judge: does not object"
     assert one.console.state.current is not None
     assert one.console.state.current.approval is not None
     assert (north.decisions, north.stops) == ([], 0)

@@ -89,7 +89,7 @@ def test_of_a_site_in_order_every_robot_and_camera_is_listed_and_nothing_is_wron
         ({MODE: "STARTUP"}, "its operating mode is STARTUP"),
         (
             {"safetyState": {"activeEmergencyStop": "REMOTE", "fieldViolation": False}},
-            "its emergency stop is active (REMOTE)",
+            "its own stop is active (REMOTE)",
         ),
         ({"errors": [{"errorType": "laser", "errorLevel": "FATAL"}]}, "laser (FATAL)"),
         ({POSITION: None}, "it does not know where it is"),

@@ -259,7 +259,7 @@ async def test_whom_the_first_station_had_stopped_stays_stopped(
             with pytest.raises(ValueError, match="stopped"):
                 south.submit(TEXT)
             told = [notice.text for notice in cleo.state.notices]
-            assert "north had stopped everybody: they stay stopped until you release them" in told
+            assert "north had stopped every asset: all stay stopped until you release them" in told
 
 
 async def test_command_is_taken_and_the_team_stopped_while_a_contact_is_in_view(

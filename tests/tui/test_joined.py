@@ -77,7 +77,7 @@ async def test_a_question_is_answered_here_and_an_order_is_refused(show: Show) -
             await until(pilot, lambda rows=rows: "it alone covers" in rows.render().plain)
             await press(pilot, "escape")
             assert field.text == ""
-        station.refuse = "this is the session of north: it is commanded there"
+        station.refuse = "this is the session of north, which is in command"
         await press(pilot, "slash", *"Send a drone home", "enter")
         assert station.refuse in notices(app)
         assert field.text == "Send a drone home"

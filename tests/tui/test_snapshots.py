@@ -76,7 +76,7 @@ WHY = (
     ),
     AnswerLine(about="checks", said="no rule is broken; 13 rules applied"),
     AnswerLine(about="rehearsal", said="over after 8 s; every gate kept its guard"),
-    AnswerLine(about="judge", said="passes it"),
+    AnswerLine(about="judge", said="does not object"),
     AnswerLine(about="decision", said="it waits for you: Approve"),
 )
 LOOKED_AT = (

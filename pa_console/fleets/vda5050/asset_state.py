@@ -134,7 +134,7 @@ def faults_of(state: RobotState) -> Iterator[str]:
     if state.operating_mode in ("STARTUP", "SERVICE"):
         yield f"its operating mode is {state.operating_mode}"
     if (stop := state.safety_state.active_emergency_stop) != "NONE":
-        yield f"its emergency stop is active ({stop})"
+        yield f"its own stop is active ({stop})"
     for error in state.errors:
         if error.error_level in ("CRITICAL", "FATAL"):
             yield f"{error.error_type} ({error.error_level})"

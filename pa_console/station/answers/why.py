@@ -309,7 +309,7 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
         yield _line("rehearsal", rehearsed_in_words(attempt.rehearsal))
     if attempt.verdict is not None:
         passes = attempt.verdict.verdict == "Success"
-        text = "passes it" if passes else f"objects: {attempt.verdict.feedback}"
+        text = "does not object" if passes else f"objects: {attempt.verdict.feedback}"
         yield _line("judge", text)
     elif attempt.judged:
         yield _line("judge", f"gave no verdict: {attempt.judge_error}".rstrip(": "))

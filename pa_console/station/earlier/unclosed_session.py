@@ -95,7 +95,7 @@ class LeftMissions:
                 "approve them anew"
             )
         if self.stopped:
-            yield f"{station} had stopped everybody: they stay stopped until you release them"
+            yield f"{station} had stopped every asset: all stay stopped until you release them"
 
 
 def _awaiting(state: SessionState) -> Iterator[MissionTrace]:

@@ -349,7 +349,7 @@ class JoinedStation:
         return LeftMissions.of(self._state)
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
-        raise ValueError(f"this is the session of {self.station}: it is commanded there")
+        raise ValueError(f"this is the session of {self.station}, which is in command")
 
     async def _refuse_rules(self) -> NoReturn:
         self._refuse()

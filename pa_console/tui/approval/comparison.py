@@ -85,8 +85,9 @@ def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> ComparedPlan
 
 
 def _judged(attempt: Attempt) -> str:
-    verdict = attempt.verdict
-    return "" if verdict is None else "objects" if verdict.verdict == "Failure" else "passes it"
+    if attempt.verdict is None:
+        return ""
+    return "objects" if attempt.verdict.verdict == "Failure" else "does not object"
 
 
 def said_of(trace: MissionTrace) -> str:

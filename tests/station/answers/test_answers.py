@@ -115,7 +115,7 @@ async def test_why_tells_reading_rules_asset_checks_judge_and_decision(site: Sit
         assert "nearest free drone" in said["Drone_T04"]
         assert "no rule is broken" in said["checks"]
         assert "every gate kept its guard" in said["rehearsal"]
-        assert said["judge"] == "passes it"
+        assert said["judge"] == "does not object"
         assert "waits for the operator" in said["decision"]
         await talk.decide(request)
         said = await talk.ask("Why?")
@@ -426,7 +426,7 @@ async def test_what_is_no_question_is_commanded_there(site: Site) -> None:
     async with talks(site, engine=ScriptedEngine([plan()])) as talk:
         joined = join(site, talk.events)
         assert joined.question_in("Send a drone to the east gate.") is None
-        with pytest.raises(ValueError, match="the session of north: it is commanded there"):
+        with pytest.raises(ValueError, match="the session of north, which is in command"):
             joined.submit("Send a drone to the east gate.")
         assert joined.question_in("why that one") is None
         joined.point("Drone_T04")
