@@ -97,7 +97,7 @@ def mission_document(
 def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
     """Yield the camera stills that were last shown with each plan."""
     if trace.stills:
-        yield "## Pictures of cameras"
+        yield "## Stills"
     for number, still in trace.stills.items():
         caption = f"{still.track} by {still.camera}, at {still.taken_s:.1f} s, with plan {number}"
         if still.sha256 is None:

@@ -1,4 +1,4 @@
-"""A replay on the console's own screen as numbered SVG pictures or as an asciicast, version 2."""
+"""A replay on the console's own screen as numbered SVG screenshots or an asciicast, version 2."""
 
 import asyncio
 import gc
@@ -152,7 +152,7 @@ class ShotApp(ConsoleApp):
 
 
 class ReplayedScreen:
-    """The exporter's access to the screen between two pictures."""
+    """The exporter's access to the screen between two screenshots."""
 
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
@@ -194,12 +194,12 @@ class ReplayedScreen:
         return text
 
     def svg(self, title: str) -> str:
-        """Return the screen as an SVG picture, with spaces preserved in every viewer."""
-        picture = self._app.export_screenshot(title=visible_line(title))
-        return picture.replace("<svg ", '<svg xml:space="preserve" ', 1)
+        """Return a screenshot as SVG, with spaces preserved in every viewer."""
+        screenshot = self._app.export_screenshot(title=visible_line(title))
+        return screenshot.replace("<svg ", '<svg xml:space="preserve" ', 1)
 
 
-async def picture_replay(
+async def film_replay(
     site: Site, player: Player, size: Size, direct: Callable[[ReplayedScreen], Awaitable[None]]
 ) -> None:
     """Show `player` on a screen of `size` while `direct` takes shots.
@@ -245,7 +245,7 @@ KINDS = tuple(
 
 @dataclass(frozen=True)
 class Shot:
-    """The time of a picture and its reason; with `index`, it is taken after that event."""
+    """The time of a screenshot and its reason; with `index`, it is taken after that event."""
 
     seconds: float
     name: str
@@ -290,9 +290,9 @@ async def take(
             while screen.player.index <= shot.index:
                 screen.player.step()
         await screen.show()
-        picture = screen.svg(f"{session}  {shot.name}  {clock_text(shot.seconds)}")
+        screenshot = screen.svg(f"{session}  {shot.name}  {clock_text(shot.seconds)}")
         path = folder / f"{number:0{digits}}-{shot.name}.svg"
-        path.write_text(picture, encoding="utf-8")
+        path.write_text(screenshot, encoding="utf-8")
         advance(1)
 
 

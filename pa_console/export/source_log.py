@@ -115,7 +115,7 @@ def world_of(started: SessionStarted, given: str | None) -> World | None:
 
 
 def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
-    """Return the world and rules for pictures of a session, by default the session's own.
+    """Return the world and rules for screenshots of a session, by default the session's own.
 
     Raises ValueError if they are not installed here, DocumentError if they cannot be read.
     """

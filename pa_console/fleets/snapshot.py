@@ -114,11 +114,11 @@ def safe_image(content: bytes) -> bytes:
     try:
         with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as image:
             if image.width * image.height > MOST_PIXELS:
-                raise SnapshotError(f"sends too large a picture: {image.width} × {image.height}")
+                raise SnapshotError(f"sends too large an image: {image.width} × {image.height}")
             image.draft("RGB", (MOST_SIDE, MOST_SIDE))
             return _encoded(image)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SnapshotError("sends no picture that can be read (JPEG or PNG)") from error
+        raise SnapshotError("sends no image that can be read (JPEG or PNG)") from error
 
 
 def _encoded(image: "Image") -> bytes:

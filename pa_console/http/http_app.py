@@ -234,7 +234,7 @@ def _add_stills(app: FastAPI, session: ServedSession) -> None:
         """Return a still of a track that a camera takes now: PNG or JPEG.
 
         It is logged and kept like one that is shown to the operator. The status is 409 if no camera
-        has the track in view, or if the camera returns no picture.
+        has the track in view, or if the camera returns no image.
         """
         return _file(session, await session.still_of(name))
 

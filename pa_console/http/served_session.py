@@ -220,7 +220,7 @@ class ServedSession:
         """Return the file of a still that was shown; raises ProblemError if it is not kept."""
         content = read_still(self._log(), still)
         if content is None:
-            raise ProblemError(404, "no-such-picture", "no such picture is kept beside the log",
+            raise ProblemError(404, "no-such-picture", "no such still is kept beside the log",
                                remedy="GET /v1/tracks/ID/still takes one")  # fmt: skip
         return content
 
@@ -233,7 +233,7 @@ class ServedSession:
         for still in chain(self.state.stills.values(), shown):
             if still.sha256 == sha256:
                 return still
-        raise ProblemError(404, "no-such-picture", "no such picture was shown in this session",
+        raise ProblemError(404, "no-such-picture", "no such still was shown in this session",
                            field="sha256", remedy="GET /v1/tracks/ID/still takes one")  # fmt: skip
 
     def submit(self, text: str) -> MissionTrace:

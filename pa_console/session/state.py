@@ -180,7 +180,7 @@ class SessionState:
                 for name in list(self.stills)[:-STILLS_KEPT]:
                     del self.stills[name]
                 if problem and (before is None or before.problem != problem):
-                    self._notice(event, "warning", camera, f"no picture of {track}: {problem}")
+                    self._notice(event, "warning", camera, f"no still of {track}: {problem}")
             case ev.SessionEnded(reason=reason):
                 self.ended = reason
             case ev.SessionResumed():

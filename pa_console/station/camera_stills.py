@@ -125,14 +125,14 @@ class CameraStills:
             return None
         still = ev.CameraStill(track=track, camera=camera, taken_s=self._fleet.time_s)
         try:
-            content = await self._picture(camera, track)
+            content = await self._image(camera, track)
             taken = {
                 "sha256": hashlib.sha256(content).hexdigest(),
                 "format": "png" if content.startswith(b"\x89PNG") else "jpg",
             }
             still = still.model_copy(update=taken)
             await asyncio.to_thread(keep_still, self._log, content, still)
-        except Exception as error:  # a picture must not end the session
+        except Exception as error:  # a still must not end the session
             still = still.model_copy(update={"sha256": None, "problem": _problem(error)})
         if not self._over:
             known_still = self._last.items()
@@ -141,7 +141,7 @@ class CameraStills:
             self._emit(still, mission)
         return still
 
-    async def _picture(self, camera: str, track: str) -> bytes:
+    async def _image(self, camera: str, track: str) -> bytes:
         """Return an image from the camera; only this task waits for it."""
         spec = self._fleet.world.cameras[camera]
         if spec.image_topic:
@@ -152,7 +152,7 @@ class CameraStills:
             return await fetch_snapshot(spec.snapshot)
         make = self._fleet.still(camera, track) if isinstance(self._fleet, Filmed) else None
         if make is None:
-            raise SnapshotError("gives no picture")
+            raise SnapshotError("gives no image")
         return await asyncio.to_thread(make)
 
 
@@ -162,8 +162,6 @@ def _problem(error: Exception) -> str:
         case SnapshotError():
             return str(error)
         case OSError():
-            return f"its picture cannot be kept: {error.strerror or type(error).__name__}"
-        case ImportError():
-            return "pictures need Pillow: pip install pillow"
+            return f"its still cannot be kept: {error.strerror or type(error).__name__}"
         case _:
-            return f"its picture cannot be made: {type(error).__name__}"
+            return f"its still cannot be made: {type(error).__name__}"

@@ -12,7 +12,7 @@ import pytest
 from markdown_it import MarkdownIt
 from mcap.reader import make_reader
 
-from pa_console.export.screen_files import ReplayedScreen, picture_replay
+from pa_console.export.screen_files import ReplayedScreen, film_replay
 from pa_console.export.source_log import whole_file, whole_folder
 from pa_console.schema.document import Document
 from pa_console.schema.incident import Scenario
@@ -135,7 +135,7 @@ def test_without_its_package_mcap_says_how_to_get_it(
     assert not list(tmp_path.glob("*session*"))
 
 
-def test_svg_pictures_are_numbered_and_show_the_replay(
+def test_svg_screenshots_are_numbered_and_show_the_replay(
     call: Call, log: Path, tmp_path: Path
 ) -> None:
     target = tmp_path / "pictures"
@@ -199,12 +199,12 @@ async def test_a_shot_tells_only_what_has_changed_and_the_screen_is_whole(log: P
 
     end = len(recording)
     shots = (*range(0, end - QUIET, 4), *range(end - QUIET, end))
-    await picture_replay(site, Player.open(log), (120, 36), lambda made: shoot(made, *shots))
+    await film_replay(site, Player.open(log), (120, 36), lambda made: shoot(made, *shots))
     assert min(map(painted, told[-QUIET:])) < 120 * 36 / 4
     for number in (9, len(shots) // 2, len(shots) - 1):
         whole = screen("".join(told[: number + 1]))
         at_once = len(told)
-        await picture_replay(
+        await film_replay(
             site, Player.open(log), (120, 36), lambda made, n=number: shoot(made, shots[n])
         )
         assert whole == screen("".join(told[at_once:]))
@@ -220,7 +220,7 @@ async def test_an_interrupted_film_ends(log: Path) -> None:
             shown.append(1)
 
     site = load_site("checkpoint", "checkpoint")
-    task = asyncio.create_task(picture_replay(site, Player.open(log), (80, 24), direct))
+    task = asyncio.create_task(film_replay(site, Player.open(log), (80, 24), direct))
     with pytest.raises(asyncio.CancelledError):
         await task
     assert len(shown) < 3

@@ -1,4 +1,4 @@
-"""Pictures of cameras over HTTP."""
+"""Camera stills over HTTP."""
 
 import hashlib
 
@@ -8,7 +8,7 @@ from tests.http.test_served_session import decision, problem
 from tests.stills import CAMERA
 
 
-def test_pictures_are_served_as_they_are_kept(site: Site) -> None:
+def test_stills_are_served_as_they_are_kept(site: Site) -> None:
     site.happens({"kind": "spawn", "gate": "NorthGate", "distance_m": 40.0}, 6.0)
     (track,) = site.ask("GET", "/v1/state", "observer").json()["picture"]["tracks"]
     taken = site.ask("GET", f"/v1/tracks/{track}/still", "observer")

@@ -168,7 +168,7 @@ def write_with_picture(log: Path) -> ev.CameraStill:
     return still
 
 
-def _changed_picture(log: Path) -> None:
+def _changed_still(log: Path) -> None:
     still = write_with_picture(log)
     (stills_folder(log) / still.file_name).write_bytes(b"another picture")
 
@@ -224,7 +224,7 @@ TAMPERS = (
     Tamper("head of another log", "head-of-another-log", None, files=_other_head),
     Tamper("head of another log of its session", "head-of-another-log", None,
            files=_head_of_the_same_session),
-    Tamper("a picture changed", "picture-changed", 4, files=_changed_picture),
+    Tamper("a still changed", "picture-changed", 4, files=_changed_still),
 )  # fmt: skip
 
 

@@ -36,13 +36,13 @@ def test_every_kind_that_can_be_named_is_among_them() -> None:
     assert {tamper.kind for tamper in TAMPERS} == set(get_args(DamageKind))
 
 
-def test_a_log_without_its_pictures_is_sound_and_says_so(tmp_path: Path) -> None:
+def test_a_log_without_its_stills_is_sound_and_says_so(tmp_path: Path) -> None:
     still = write_with_picture(log := tmp_path / "s.jsonl")
     assert verify(log, KNOWN).intact
     (stills_folder(log) / still.file_name).unlink()
     found = verify(log, KNOWN)
     assert found.intact
-    assert "1 of 1 pictures" in found.note
+    assert "1 of 1 stills" in found.note
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Pictures of tracks while a plan waits: kept and logged, and without any effect on the plan."""
+"""Stills of tracks while a plan waits: kept and logged, and without any effect on the plan."""
 
 import hashlib
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ LOOK = plan(("Drone_T04", "observe NorthGate"))
 
 
 class Watched:
-    """A mission at the north gate whose plan waits until `enough` pictures were told of."""
+    """A mission at the north gate whose plan waits until `enough` stills were told of."""
 
     def __init__(self, site: Site, log: Path, enough: int = 1) -> None:
         self.site, self.log, self.enough = site, log, enough
@@ -70,7 +70,7 @@ class Watched:
 
     @property
     def stills(self) -> list[ev.CameraStill]:
-        """The pictures that were told of."""
+        """The stills that were told of."""
         return [event.data for event in self.seen if isinstance(event.data, ev.CameraStill)]
 
     @property
@@ -82,7 +82,7 @@ class Watched:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """The log beside which pictures are kept."""
+    """The log beside which stills are kept."""
     return tmp_path / "session.jsonl"
 
 
@@ -152,7 +152,7 @@ async def test_what_goes_wrong_is_told_once_in_the_event_list(
     state = await watched.run([VEHICLE], "http://127.0.0.1:1/snapshot.jpg")
     assert {still.problem for still in watched.stills} == {"cannot be reached (ConnectError)"}
     lines = [notice.text for notice in state.notices if notice.subject == CAMERA]
-    assert lines == ["no picture of Track_01: cannot be reached (ConnectError)"]
+    assert lines == ["no still of Track_01: cannot be reached (ConnectError)"]
 
 
 async def test_a_picture_that_cannot_be_kept_is_not_shown(site: Site, log: Path) -> None:
@@ -175,5 +175,5 @@ async def test_a_defect_of_the_drawing_does_not_end_the_session(
     monkeypatch.setattr(SimulatedFleet, "still", still)
     watched = Watched(site, log)
     state = await watched.run([VEHICLE])
-    assert watched.stills[0].problem == "its picture cannot be made: ZeroDivisionError"
+    assert watched.stills[0].problem == "its still cannot be made: ZeroDivisionError"
     assert state.ended == "over"

@@ -1,4 +1,4 @@
-"""A camera's picture of a track, beside the plan that waits and on the track's card."""
+"""A still of a track, beside the plan that waits and on the track's card."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -33,7 +33,7 @@ def plain(rows: TextRows) -> str:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """The log beside which pictures are kept."""
+    """The log beside which stills are kept."""
     return tmp_path / "session.jsonl"
 
 
@@ -110,7 +110,7 @@ async def test_why_there_is_none_is_told(show: Show, log: Path) -> None:
     async with show([*story.told("approval"), problem], log=log) as (app, _, _, _):
         assert not app.screen.query_one(StillView).region.height
         text = plain(app.screen.query_one("#approval-text", TextRows))
-        assert f"No picture {CAMERA}, {TRACK}: no answer within 5 s" in text
+        assert f"No still {CAMERA}, {TRACK}: no answer within 5 s" in text
 
 
 async def test_a_track_s_card_shows_what_a_camera_sees(show: Show, log: Path) -> None:

@@ -49,7 +49,7 @@ EXAMPLES = {
     "export": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
     "export markdown": "pa-console export markdown session.jsonl --mission M1 --out M1.md",
     "export mcap": "pa-console export mcap session.jsonl --out session.mcap",
-    "export svg": "pa-console export svg session.jsonl --at approval_requested --out pictures",
+    "export svg": "pa-console export svg session.jsonl --at approval_requested --out screenshots",
     "export cast": "pa-console export cast session.jsonl --speed 8 --out session.cast",
     "rules": "pa-console rules list",
     "rules list": "pa-console rules list --rules my-rules.yaml",

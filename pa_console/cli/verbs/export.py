@@ -99,21 +99,21 @@ def svg(
     at: Annotated[
         list[str] | None,
         typer.Option(
-            help="Take a picture after each event of this kind. Repeatable. Default: "
+            help="Take a screenshot after each event of this kind. Repeatable. Default: "
             + ", ".join(DEFAULT_KINDS)
         ),
     ] = None,
     every: Annotated[
-        float | None, typer.Option(min=0.1, help="Take a picture every so many seconds instead.")
+        float | None, typer.Option(min=0.1, help="Take a screenshot every so many seconds instead.")
     ] = None,
     *,
     film: FilmOptions,
 ) -> None:
-    """Write numbered SVG pictures of the replayed console: 0001-approval_requested.svg, ..."""
+    """Write numbered SVG screenshots of the replayed console: 0001-approval_requested.svg, ..."""
     from pa_console.export.screen_files import (  # noqa: PLC0415 - the screens load slowly
         KINDS,
         ReplayedScreen,
-        picture_replay,
+        film_replay,
         shots_at,
         shots_every,
         take,
@@ -145,8 +145,8 @@ def svg(
         async def direct(made: ReplayedScreen) -> None:
             await take(made, shots, folder, session.started.session, bar.advance)
 
-        asyncio.run(picture_replay(site, player, screen, direct))
-    written(target, f"{count(len(shots), 'picture')} of {screen[0]}x{screen[1]}")
+        asyncio.run(film_replay(site, player, screen, direct))
+    written(target, f"{count(len(shots), 'screenshot')} of {screen[0]}x{screen[1]}")
 
 
 @app.command("cast")
@@ -168,7 +168,7 @@ def cast(
 
     Play it with: asciinema play FILE
     """
-    from pa_console.export.screen_files import CastWriter, ReplayedScreen, picture_replay, positions  # noqa: PLC0415 - loads the screens
+    from pa_console.export.screen_files import CastWriter, ReplayedScreen, film_replay, positions  # noqa: PLC0415 - loads the screens
     from pa_console.session.recording import Player  # noqa: PLC0415
 
     screen = size_of(film.size)
@@ -185,7 +185,7 @@ def cast(
         async def direct(made: ReplayedScreen) -> None:
             await writer.shoot(made, shown)
 
-        asyncio.run(picture_replay(site, player, screen, direct))
+        asyncio.run(film_replay(site, player, screen, direct))
     seconds = (shown[-1] - shown[0]) / speed
     written(target, f"{count(len(shown), 'frame')} of {screen[0]}x{screen[1]}, {seconds:.0f} s")
 

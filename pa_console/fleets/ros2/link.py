@@ -108,7 +108,7 @@ class Ros2Link(ThreadedLink):
                 state = f"an image of {len(self.image_on(topic, seconds / len(topics)))} bytes"
                 findings.append(LinkFinding(name, topic, state))
             except SnapshotError as error:
-                findings.append(LinkFinding(name, topic, str(error), IMAGE, "no picture is shown"))
+                findings.append(LinkFinding(name, topic, str(error), IMAGE, "no still is shown"))
         if (topic := self._site.connection.map) is not None:
             maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
             wanted = "once, from map_server or SLAM, or set 'map: null'"

@@ -209,7 +209,7 @@ StillFormat = Literal["png", "jpg"]
 
 
 class CameraStill(Payload):
-    """The image of a track shown to an operator, or the `problem` if there is none.
+    """The still of a track shown to an operator, or the `problem` if there is none.
 
     No part that plans, checks or judges reads it. The file is kept beside the log.
     """
@@ -224,7 +224,7 @@ class CameraStill(Payload):
 
     @property
     def file_name(self) -> str:
-        """The name of the file, or '' without an image."""
+        """The name of the file, or '' without a still."""
         return f"{self.sha256}.{self.format}" if self.sha256 is not None else ""
 
 

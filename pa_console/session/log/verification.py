@@ -275,7 +275,7 @@ def verify(path: Path, accepted: Collection[str] | None = None) -> VerifyResult:
     damage = chain.read() or chain.key_damage(accepted)
     if damage is None and head_problem:
         damage = Damage("head-damaged", None, head_problem)
-    damage = damage or chain.head_damage() or chain.picture_damage()
+    damage = damage or chain.head_damage() or chain.still_damage()
     lines, last = chain.sound.lines, chain.sound.before
     if damage is not None and damage.line is not None:
         lines = min(lines, damage.line - 1)
@@ -398,7 +398,7 @@ class _Chain:
             return Damage("rewritten", first, problem, head.seq)
         return None
 
-    def picture_damage(self) -> Damage | None:
+    def still_damage(self) -> Damage | None:
         """Return the damage if a still beside the log is not the one that was shown.
 
         Missing stills are only noted, because a log may have been copied without them.
@@ -407,12 +407,12 @@ class _Chain:
         for still, line in self._stills:
             changed = is_changed(self._path, still)
             if changed:
-                problem = f"the picture of {still.track} was changed since it was shown"
+                problem = f"the still of {still.track} was changed since it was shown"
                 return Damage("picture-changed", line, f"{problem}: {still.file_name}")
             missing += changed is None
         if missing:
             folder = stills_folder(self._path).name
-            note = f"{missing} of {len(self._stills)} pictures that were shown are not in {folder}"
+            note = f"{missing} of {len(self._stills)} stills that were shown are not in {folder}"
             self._notes.append(note)
         return None
 

@@ -199,7 +199,7 @@ def approval_rows(
     yield from _order(trace, request)
     if trace.still is not None and trace.still.problem:
         told = f"{trace.still.camera}, {trace.still.track}: {trace.still.problem}"
-        yield row(("△ ", WARN), ("No picture  ", f"bold {WARN}"), told)
+        yield row(("△ ", WARN), ("No still  ", f"bold {WARN}"), told)
     if request.state == "not_understood":
         told = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (told, WARN))

@@ -138,9 +138,9 @@ class BrowsingController:
         """Write a screenshot to an SVG file, after the palette is closed."""
 
         def take() -> None:
-            picture = self._app.export_screenshot(title=self._app.title)
+            screenshot = self._app.export_screenshot(title=self._app.title)
             name = f"screen-{datetime.now():%Y%m%d-%H%M%S}.svg"
-            where = write_copy(self._copies or export_folder(), name, picture)
+            where = write_copy(self._copies or export_folder(), name, screenshot)
             self._session.tell(str(where), "Screenshot")
 
         self._app.call_after_refresh(take)

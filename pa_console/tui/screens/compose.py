@@ -337,7 +337,7 @@ class Card(ModalScreen[CardChoice | None]):
     def show_still(self, still: CameraStill, now_s: float) -> None:
         """Show a still below the choices, or its problem above them."""
         if still.problem:
-            self._lines = [*self._lines, f"{still.camera}, no picture: {still.problem}"]
+            self._lines = [*self._lines, f"{still.camera}, no still: {still.problem}"]
             self.query_one("#card-lines", Static).update("\n".join(self._lines))
         self._still.tell_age(now_s)
         self._still.show(still)

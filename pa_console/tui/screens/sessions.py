@@ -239,7 +239,7 @@ class SessionsScreen(ListScreen[SessionRows]):
             return
         text = "\n\n".join(trace_text(trace, opened.rules) for trace in traces)
         where = write_copy(self._copies, f"{session.log.stem}-session.txt", text)
-        also = "pa-console export writes Markdown, MCAP and pictures"
+        also = "pa-console export writes Markdown, MCAP and screenshots"
         self.notify(f"{where}; {also}", title="Exported", timeout=10, markup=False)
 
     def action_again(self) -> None:

@@ -28,7 +28,7 @@ _CAPTION, _MOST_PIXELS = 16, 4_000_000
 def half_blocks(content: bytes, columns: int, rows: int) -> list[Content]:
     """Return an image as lines within `columns` and `rows`; none if it cannot be read."""
     try:
-        from PIL import Image  # noqa: PLC0415 - only where a picture is shown
+        from PIL import Image  # noqa: PLC0415 - only where a still is shown
 
         with Image.open(BytesIO(content), formats=("JPEG", "PNG")) as image:
             if image.width * image.height > _MOST_PIXELS:

@@ -86,9 +86,9 @@ def test_its_image_is_taken_and_written_anew(camera: CameraNode) -> None:
     ("content", "why"),
     [
         (bytes(5_000_000), "sends more than 4 MB"),
-        (encoded("JPEG")[:300], "sends no picture that can be read"),
-        (b"<html>log in</html>", "sends no picture that can be read"),
-        (b"", "sends no picture that can be read"),
+        (encoded("JPEG")[:300], "sends no image that can be read"),
+        (b"<html>log in</html>", "sends no image that can be read"),
+        (b"", "sends no image that can be read"),
         (bomb(12_000), "sends (too large a|no) picture"),
     ],
 )
@@ -105,4 +105,4 @@ def test_doctor_names_a_camera_that_sends_nothing(camera: CameraNode) -> None:
     assert isinstance(link, Ros2Link)
     (row,) = [row for row in link.examine(0.2) if row.agent == CAMERA]
     assert row.found == f"sends no image on {TOPIC} within 0.2 s"
-    assert row.consequence == "no picture is shown"
+    assert row.consequence == "no still is shown"
