@@ -173,7 +173,7 @@ async def test_in_line_mode_they_are_lines_and_revoke_ends_one() -> None:
     assert "S1: whenever a drone is below 20 % battery: Relieve that asset." in said
     assert any("1 start, last M-777 for Drone_T01" in line for line in said)
     assert station.changed == [("S1", "revoke")]
-    assert "no standing order is in force" in said
+    assert "no standing orders in force" in said
 
 
 TIMED = StandingOrder(
