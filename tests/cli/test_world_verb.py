@@ -150,9 +150,9 @@ def test_who_comes_and_what_becomes_of_it_is_told_plainly(call: Call, tmp_path: 
     van = "a vehicle (Van) appears on the lane to WestGate"
     assert f"{van}: unauthorized, benign, leaves when warned" in said
     assert "Van from now on: hostile, goes on when warned" in said
-    assert "ok, 2 events, 0 random kinds" in call("scenarios", "check", str(path)).said
+    assert "ok, 2 events, 0 kinds of random event" in call("scenarios", "check", str(path)).said
     path = write(tmp_path / "one.yaml", f"{{at_s: 3, do: {SPAWN}}}")
-    assert "ok, 1 event, 0 random kinds" in call("scenarios", "check", str(path)).said
+    assert "ok, 1 event, 0 kinds of random event" in call("scenarios", "check", str(path)).said
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from pa_console.fleets.vda5050.station_link import join
 from pa_console.fleets.vda5050.site_fleet import fleet_of
 from pa_console.mission.gate import CommandGate
 from pa_console.mission.rehearse import device_commands
-from pa_console.session.log.writer import Journal
+from pa_console.session.log.journal import Journal
 from pa_console.policy.rulebook import Rulebook
 from pa_console.resources import find_data
 from pa_console.schema.events import event as ev

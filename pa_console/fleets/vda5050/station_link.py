@@ -321,7 +321,7 @@ def join(
     if not link.wait_connected(CONNECT_S):
         problem = link.problem
         link.close()
-        raise ValueError(f"no broker lets us in at {address}: {problem}")
+        raise ValueError(f"cannot connect to the broker at {address}: {problem}")
     deliveries = take_retained(link)
     site: additions.SiteDescription | None = None
     factsheets: dict[Identity, Factsheet] = {}

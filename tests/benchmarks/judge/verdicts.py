@@ -59,7 +59,7 @@ async def judge_cases(
         )
         after = None
         if outcomes and case.after is not None:
-            executed = replace(case.after, said=before.feedback)
+            executed = replace(case.after, feedback=before.feedback)
             after = await _answer(judge, ask_about_outcome(prompt_format, case.world, executed))
         logged_plan, logged_outcome = map(_opinion, case.logged)
         yield JudgedRun(
