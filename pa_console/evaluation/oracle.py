@@ -206,7 +206,7 @@ def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> 
 
 
 def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the breaches by orders themselves, given the truth at the time of each order."""
+    """Yield the rules that an order breaks merely by being sent, judged by the truth then."""
     for order in recording.orders:
         yield from _capability(recording, order)
         yield from _executable(recording, order)

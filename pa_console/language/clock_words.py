@@ -361,7 +361,7 @@ def is_of_order(
 
 
 def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times in an order in which no time was read.
+    """Return the expressions of time in an order that were not understood.
 
     A time of something else, such as *the guard changes in an hour*, is not included.
     """

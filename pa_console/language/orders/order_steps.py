@@ -180,7 +180,10 @@ class _Cutter:
         return True
 
     def _ends_with_first(self) -> None:
-        """Split a clause that ends with *first* from the words after it, or from those before."""
+        """Separate a clause that ends with *first* from the words after it.
+
+        If no words follow, the clause is separated from the words before it.
+        """
         reader = self._reader
         rest = [token.word for token in reader.tokens[reader.at :] if token.word not in _STOPS]
         if rest:
