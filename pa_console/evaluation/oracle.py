@@ -448,7 +448,7 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
+    """Yield a breach for each blocked emergency vehicle; without a threat, authorized ones too."""
     at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
     present = {contact.id for contact in at_gate}

@@ -54,7 +54,7 @@ class Evidence(NamedTuple):
 
     @property
     def chances(self) -> dict[Reader, float]:
-        """The chances from the readers that have this reading and report one."""
+        """The chances from the readers that have this reading and report a chance."""
         chances: dict[Reader, float | None] = {
             "planner": self.planner,
             "judge": self.judge,

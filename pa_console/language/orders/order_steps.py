@@ -366,7 +366,7 @@ class _Cutter:
         return _Awaited(words, tuple(names), place, reader.at)
 
     def _arrival(self) -> tuple[bool, str]:
-        """Read *is in place at the north gate*; return whether it is an arrival, and its place."""
+        """Read *is in place at the north gate*; return True for an arrival, and its place."""
         reader, arrived, place = self._reader, False, ""
         while not reader.over:
             if not place and (frame := place_at(self._scene, reader)):
