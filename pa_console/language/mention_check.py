@@ -409,8 +409,8 @@ class _OrderWords:
     def _is_described(self, name: str, destination: str) -> bool:
         """Return whether a word for an asset, with its location, can mean only the asset `name`.
 
-        A word such as *Steward* is enough if one asset is called that. The destination
-        describes no asset: *a drone to West* does not mean the drone that is at West.
+        A word such as *Steward* is enough if one asset is called that. The destination describes no
+        asset: *a drone to West* does not mean the drone that is at West.
         """
         spec = self._world.assets.get(name)
         if spec is None:

@@ -405,8 +405,8 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     """Return the order due for an asset whose reported state telemetry confirms.
 
     Returns '' if no asset or several are named, or if telemetry does not confirm the report: the
-    words are then read as they stand. *One of the drones* is the one that
-    telemetry shows in that state.
+    words are then read as they stand. *One of the drones* is the one that telemetry
+    shows in that state.
     """
     tokens = read_tokens(text)
     names = frozenset(token.written for token in tokens if token.written in scene.world.assets)

@@ -324,7 +324,7 @@ def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the commands of the first way: with all their possible agents, then with its agents."""
+    """Yield the commands of the first of `ways`: with all possible agents, then with its own."""
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]
