@@ -166,7 +166,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 
 
 def rules_turned(flips: Iterable[ChangedDecision]) -> Iterator[tuple[str, int]]:
-    """Yield each rule that changes decisions with the number of them, the largest first."""
+    """Yield each rule that changes decisions, and how many; the highest number comes first."""
     counts = Counter(rule for flip in flips for rule in flip.rules)
     yield from sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 

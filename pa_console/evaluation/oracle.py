@@ -206,7 +206,7 @@ def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> 
 
 
 def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the breaches by orders themselves, given the truth at the time of each order."""
+    """Yield the rules that an order breaks merely by being sent, judged by the truth then."""
     for order in recording.orders:
         yield from _capability(recording, order)
         yield from _executable(recording, order)
@@ -448,7 +448,7 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach for each blocked emergency vehicle, or authorized one without a threat."""
+    """Yield a breach for each blocked emergency vehicle; without a threat, authorized ones too."""
     at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
     present = {contact.id for contact in at_gate}

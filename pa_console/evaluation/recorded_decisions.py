@@ -271,7 +271,7 @@ class _Session:
         self._effect.flips.append(flip)
 
     def _observe(self, picture: Picture) -> None:
-        """Advance the orderings of each active mission and compare the broken ones."""
+        """Advance the orderings of each active mission, and compare which are broken."""
         for mission_id, work in self._work.items():
             if not work.active:
                 continue

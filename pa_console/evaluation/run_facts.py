@@ -400,7 +400,7 @@ def first_moves(recording: RunRecording) -> dict[str, float]:
 
 
 def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
-    """Return the facts of `sample`, with those of `tracks` that are present."""
+    """Return the facts of `sample`, with only the `tracks` that are present."""
     return Snapshot(
         assets={name: _asset(asset) for name, asset in sample.assets.items()},
         gates={gate: GateFact(covered=bool(by), by=by) for gate, by in sample.cover.items()},
@@ -439,7 +439,7 @@ def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
 
 
 def _visited(recording: RunRecording, name: str) -> tuple[str, ...]:
-    """Return the frames at which asset `name` arrived as its post, without those it passed."""
+    """Return the frames that asset `name` reached while each was its post, in order."""
     states = (sample.assets[name] for sample in recording.samples)
     places = [asset.at if asset.at == asset.post else None for asset in states]
     return tuple(now for was, now in pairwise(places) if now and now != was)

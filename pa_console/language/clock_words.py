@@ -65,7 +65,7 @@ class ClockTime:
 def read_clock(
     reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
 ) -> ClockTime | None:
-    """Read a time of day; unless a word has `led` to it, its form must show that it is one."""
+    """Read a time of day; unless a word has `led` to it, its form must be that of a time."""
     reading = _time_of_day(reader, led=led)
     if reading is None:
         return None
@@ -92,7 +92,7 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, whether the half of day is settled, whether only a number."""
+    """Return hour, minute, second, and two flags: half of the day settled, only a number."""
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):
@@ -361,7 +361,7 @@ def is_of_order(
 
 
 def unread_times(world: World, text: str) -> tuple[str, ...]:
-    """Return the times in an order in which no time was read.
+    """Return the expressions of time in an order that were not understood.
 
     A time of something else, such as *the guard changes in an hour*, is not included.
     """
@@ -394,7 +394,8 @@ def names_time(text: str) -> bool:
 def _names_time(reader: Reader) -> bool:
     """Read words that always mean a time: *ten minutes*, *16:45*, *1645*, *midnight*.
 
-    *A second* may be another one, *a minute* no time at all, and *robot 3s* is robot 3's.
+    Three forms do not count: *a second* may mean another asset, *a minute* need not mean a time,
+    and *robot 3s* is a possessive.
     """
     loose = reader.word() in ("a", "an") or reader.word()[-1:] == "s"
     if not loose and read_duration(reader) > 0.0:

@@ -95,7 +95,7 @@ class Demands(NamedTuple):
 
 
 def demands_of(world: World, text: str) -> Demands:
-    """Return the demands of an order; none of one that corrects itself."""
+    """Return the demands of an order; an order that corrects itself has none."""
     blank = _QUOTED.sub(lambda quoted: " " * len(quoted[0]), text).replace("\n", ";")
     linked = LinkedText.of(world, blank)
     tokens = read_tokens(linked.text)
@@ -158,14 +158,14 @@ class _Reading:
     def _sentence(
         self, clauses: Sequence[_DemandClause], *, question: bool
     ) -> Iterator[_DemandClause]:
-        """Yield the clauses of a sentence: a condition in it may be one for all of them."""
+        """Yield the clauses of a sentence; a condition in it may apply to all of them."""
         conditional = any(token.word in _CONDITION for part in clauses for token in part.tokens)
         for clause in clauses:
             clause.question, clause.conditional = question, conditional
             yield clause
 
     def _is_whole(self, clause: _DemandClause) -> bool:
-        """Return whether a clause is complete, so that the next words are no list in it."""
+        """Return whether a clause is complete, so that the next words do not continue a list."""
         words = [token.word for token in clause.tokens]
         acts = {_FORMS[word] for word in words if word in _FORMS}
         ends = words[-1:] == ["anywhere"] or (len(words) > 1 and words[-1] in _FORMS)
@@ -282,7 +282,7 @@ class _Reading:
         return tuple(dict.fromkeys(goals))
 
     def _is_split(self, words: Sequence[str]) -> bool:
-        """Return whether places are joined by *and* alone."""
+        """Return whether nothing but *and*, *to*, *the* and the like is between the places."""
         places = [at for at, word in enumerate(words) if word in self._places]
         if len(places) < 2:
             return False
@@ -296,7 +296,7 @@ class _Reading:
         return rest in _TO or rest in self._places
 
     def _is_asset(self, word: str) -> bool:
-        """Return whether a word is the name of an asset, or looks like one that is not here."""
+        """Return whether a word is an asset's name, or looks like the name of an unknown asset."""
         return word in self._assets or _ASSET_NAME.fullmatch(word) is not None
 
     def _is_about_the_same(self, words: Sequence[str], clause: _DemandClause) -> bool:

@@ -268,7 +268,7 @@ class _OrderResult:
                 return self._has_task(mention.tasks)
 
     def _stands_for(self, name: str) -> bool:
-        """Return whether `name` is meant without being named: as one of *all*, or as replaced."""
+        """Return whether `name` is meant but not named: as one of *all*, or to be relieved."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
         if not self.asks and place in self._names:
             return True
@@ -381,7 +381,7 @@ class _OrderWords:
     def _has_asset(self, name: str) -> bool:
         """Return whether `name` is named or described, or its number stands without a name.
 
-        *The drone* names the only one that there is, or the only one that is free.
+        *The drone* means the only drone of the world, or the only free drone.
         """
         digits = re.findall(r"\d+", name)
         numbered = bool(digits) and str(int(digits[-1])) in self._numbers
@@ -401,16 +401,16 @@ class _OrderWords:
         return team == [name] or free == [name]
 
     def _is_guard_of_a_bare_gate(self, name: str) -> bool:
-        """Return whether `name` alone covers a gate that is named: *if West is uncovered*."""
+        """Return whether `name` is the only guard of a named gate: *if West is uncovered*."""
         covers = sole_covers(self._picture).items()
         guards = any(guard == name and gate in self._names for gate, guard in covers)
         return guards and _BARE.search(self._text) is not None
 
     def _is_described(self, name: str, destination: str) -> bool:
-        """Return whether a word of its name or kind, and its location, mean only this asset.
+        """Return whether a word for an asset, with its location, can mean only the asset `name`.
 
-        A word such as *Steward* is enough if one asset is called that. The place to which it is
-        sent describes no asset: *a drone to West* does not mean the drone that is there.
+        A word such as *Steward* is enough if one asset is called that. The destination describes no
+        asset: *a drone to West* does not mean the drone that is at West.
         """
         spec = self._world.assets.get(name)
         if spec is None:

@@ -341,7 +341,7 @@ def _is_name(word: str) -> bool:
 
 
 def _own_words(places: Sequence[str]) -> dict[str, str]:
-    """Return the words that only one place has, with the place: `north` for NorthGate."""
+    """Map each word that the name of only one place has to that place: `north` to NorthGate."""
     places_by_word: dict[str, list[str]] = {}
     for name in places:
         words = [word.lower() for word in WORD.findall(name)]

@@ -156,7 +156,7 @@ class WorldNames:
         return plain + "s" * (team != word)
 
     def _gate(self, word: str) -> str | None:
-        """Return the gate named by `word`, which may be a number; None for none."""
+        """Return the gate that `word` names, which may be a number; None if it names no gate."""
         if word in NUMBERS:
             word = str(NUMBERS.index(word))
         return self._places.get(word + GATE) or self._places.get(GATE + word)
@@ -279,7 +279,7 @@ def link_names(world: World, text: str) -> str:
 
 
 class LinkedText(NamedTuple):
-    """A text with names in place of other words for them, and their ranges in the `original`.
+    """A text in which names replace other words, with the ranges of these in the `original`.
 
     `names` are ranges of characters of the original, each with its name.
     """

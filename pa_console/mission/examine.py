@@ -58,7 +58,7 @@ class CheckBasis(Protocol):
 
     @property
     def variant(self) -> Variant:
-        """The active safeguards; all of them outside evaluations."""
+        """The active safeguards; outside evaluations, all are active."""
         ...
 
 

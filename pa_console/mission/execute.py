@@ -147,7 +147,7 @@ class Execution:
         """Halt the plan and return the commands that bring its moving assets to a safe state.
 
         The caller sends them. There are none during a stop, because every asset holds then. If the
-        plan was already halted, they are the unanswered ones.
+        plan was already halted, only unanswered commands are returned.
         """
         stopping, self._stopping = self._stopping, None
         under_way = self._dispatch.open_agents if self._dispatch is not None else ()

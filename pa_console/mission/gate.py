@@ -248,7 +248,7 @@ class CommandGate:
     def send(
         self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
     ) -> tuple[Passage, ...]:
-        """Send the allowed ones of `commands`; emit and return the result of each.
+        """Send each of the `commands` that is allowed; emit and return the result of every one.
 
         Commands that stop assets or make them safe are sent at once and logged afterwards. The
         others are sent only if none is refused, and each is on the disk before it is sent.

@@ -45,7 +45,7 @@ FITS = "it fits"
 
 
 class OrderComparison(NamedTuple):
-    """The console's comparison of a plan with a reading; `gaps` is None for an unreadable one."""
+    """The console's comparison of a plan with a reading; `gaps` is None if that is unreadable."""
 
     planned: str
     gaps: tuple[str, ...] | None

@@ -262,9 +262,9 @@ async def with_commands_given(
 ) -> Candidate:
     """Examine plans for a reading that consist of the console's own commands.
 
-    Each serves less of the reading than the one before, until no rule blocks one. The result is the
-    best of them and the `best` so far. A sound one is returned in any case, even if `best` is for
-    another reading.
+    Each plan serves less of the reading than the plan before it, until no rule blocks a plan. The
+    result is the best of them and of `best`, the best plan so far. A sound plan is returned in any
+    case, even if `best` is for another reading.
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, reading_text, MOST_SERVED):

@@ -433,7 +433,10 @@ def _later_asset(before: AssetTimeline, new: AssetTimeline) -> AssetTimeline:
 
 
 def _joined_motion(steps: Sequence[tuple[float, Rehearsal]]) -> Motion:
-    """Return the motion of steps, each with its start; only an agent's last arrival counts."""
+    """Join the motions of `steps`, each with the second at which it starts.
+
+    Of the arrivals of an agent, only the last is kept.
+    """
     ways: dict[str, tuple[TimedPoint, ...]] = {}
     guards: dict[str, tuple[GuardChange, ...]] = {}
     arrived: dict[str, float] = {}

@@ -149,7 +149,7 @@ class English:
         return word in self._likely or any(form in self._likely for form in _american(word))
 
     def is_common(self, word: str) -> bool:
-        """Return whether `word`, in lower case, is certainly English; the rarest words are not."""
+        """Return whether `word`, in lower case, is certainly English and not among the rarest."""
         forms = (word, *_american(word))
         return any(self._likely.get(form, 0.0) > self._rare for form in forms)
 
@@ -262,7 +262,7 @@ class _UnknownWords(NamedTuple):
 
     @property
     def strange(self) -> tuple[str, ...]:
-        """The words that are not English, those with the largest weight first."""
+        """The words that are not English, in descending order of their weights."""
         strangest = sorted((word for word in self.words if word[1]), key=lambda word: -word[1])
         return tuple(dict.fromkeys(word for word, _ in strangest))
 

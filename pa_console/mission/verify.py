@@ -301,7 +301,7 @@ class OutcomeVerdicts:
     async def work(self) -> bool:
         """Request every outstanding verdict; return False if a mission needed the model meanwhile.
 
-        The remaining ones then wait for the next call.
+        The remaining verdicts then wait for the next call.
         """
         async with self._turn:
             while self._waiting:

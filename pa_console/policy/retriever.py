@@ -120,7 +120,7 @@ class FusionRanking:
         self._rankings = dict(rankings)
 
     def scores(self, text: str) -> tuple[Floats, Scores]:
-        """Return the fused score of each rule, and the share of each ranking."""
+        """Return the fused score of each rule, and how much each ranking adds to it."""
         parts: Scores = {
             name: 1.0 / (OFFSET + 1.0 + _better(rounded(ranking.scores(text)[0])))
             for name, ranking in self._rankings.items()

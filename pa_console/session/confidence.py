@@ -54,7 +54,7 @@ class Evidence(NamedTuple):
 
     @property
     def chances(self) -> dict[Reader, float]:
-        """The chances from the readers that have this reading and report one."""
+        """The chances from the readers that have this reading and report a chance."""
         chances: dict[Reader, float | None] = {
             "planner": self.planner,
             "judge": self.judge,
@@ -118,7 +118,10 @@ def chances(readings: Sequence[Evidence], by: Coefficients = FITTED) -> list[flo
 
 
 def _doubted(read: Evidence) -> bool:
-    """Return whether a reading with a gap, or the second reader's alone, is unconfirmed."""
+    """Return True if a reading has too little support.
+
+    That is so if only the second reader gave it, or if it has a gap and the second reader did not.
+    """
     return read.gaps > 0 if read.second is None else len(read.chances) == 1
 
 

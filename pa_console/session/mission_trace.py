@@ -247,7 +247,7 @@ class MissionTrace:
 
     @property
     def phase(self) -> str:
-        """The phase that the next plan is for; '' if no workflow has one left."""
+        """The phase of a workflow that the next plan is for; '' if no phase is left."""
         standings = self.standings.values()
         return next((m.phases[m.phase] for m in standings if 0 <= m.phase < len(m.phases)), "")
 
@@ -288,7 +288,7 @@ class Round:
 
     @property
     def outcome(self) -> str:
-        """The outcome of the plan: `halted`, that of its verification, or `none`."""
+        """The outcome of the plan: `halted`, the outcome of its verification, or `none`."""
         if self.halts:
             return "halted"
         return self.verified[-1].verification.outcome if self.verified else "none"

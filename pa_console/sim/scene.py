@@ -164,9 +164,10 @@ class Heard(NamedTuple):
 class StationState:
     """The station's side: reports of each asset, conclusions from them, and the gates' cover.
 
-    `shown` has the assets of the picture. `at_gate` has, by gate, the assets that are posted there
-    and are there, and whether that is certain. `covered_tick` is the tick at which a gate was last
-    known to be covered; `manual` has the assets under manual control by the station's own record.
+    `shown` has the assets of the picture. `at_gate` maps each gate to the assets that are posted
+    to it and have arrived, each with True if its presence is certain. `covered_tick` is the tick at
+    which a gate was last known to be covered; `manual` has the assets under manual control by the
+    station's own record.
     """
 
     heard: dict[str, Heard] = field(default_factory=dict[str, Heard])

@@ -181,7 +181,7 @@ async def _watched(
 
 
 def exit_code(statuses: Sequence[MissionStatus | None]) -> int:
-    """Return the exit code for the missions' final statuses: the worst one's, 0 for none.
+    """Return the exit code of the worst of the missions' final statuses; 0 without missions.
 
     An internal failure is worse than an unverified plan, which is worse than an unexecuted one.
     """

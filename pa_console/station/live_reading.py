@@ -173,7 +173,7 @@ class LiveReading:
             self._draft = asyncio.create_task(self._read(self._text), name="live reading")
 
     def _has_cores(self, engine: SessionEngine) -> bool:
-        """Return whether the models have cores of their own, or one was idle during the pause."""
+        """Return whether the models have their own cores, or a core was idle during the pause."""
         if engine.state != "slow":
             return True
         idle_s = idle_seconds()

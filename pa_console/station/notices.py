@@ -28,7 +28,7 @@ _ADMITTED = get_args(ev.OutsideReport)
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
-    """One property of one subject now; `text` is empty if a change to it needs no line.
+    """One property of one subject now; `text` is the line for a change to this value, or empty.
 
     A value is shown after it has differed from the last shown one for `settle_s` simulated seconds.
     `at_first` is the assumed last value of a new subject.

@@ -117,7 +117,7 @@ class OrderEntry:
         return corrects(order.text) if active.mission.source == "operator" else ""
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return the change of a standing order or of manual control in a text; None for none."""
+        """Return the change of a standing order or of manual control in a text, or None."""
         change = self._standing.read(order.text)
         if change is not None or order.question is not None:
             return change

@@ -277,7 +277,7 @@ class ControlStation:
         return taken and self._worker.idle.is_set() and not self._worker.thinking
 
     def point(self, name: str) -> None:
-        """Record the name marked on the screen, '' for none; *this one* in an order means it."""
+        """Record the name marked on the screen, or ''; *this one* in an order means that name."""
         self._services.past.pointer = name
 
     async def read_ahead(self, text: str) -> None:
@@ -360,7 +360,7 @@ class ControlStation:
         self._worker.cancel()
 
     def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
-        """Record that `by` has seen an alarm; raises ValueError for an unknown one."""
+        """Record that `by` has seen an alarm; raises ValueError if the alarm is unknown."""
         self._writable()
         self._emit(self._intake.alarms.acknowledge(alarm_id, by))
 

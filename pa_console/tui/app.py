@@ -53,7 +53,7 @@ class VisibleLines(LineFilter):
     """A filter that shows control and invisible characters as escapes; a line keeps its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """Return the line with escapes; text that no longer fits is cut off at the end."""
+        """Return the line with control and invisible characters as escapes, cut at its width."""
         del background
         shown = [Segment(visible_line(text), style) for text, style, _ in segments]
         if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):

@@ -112,10 +112,10 @@ def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None)
     if not order.unasked:
         return "each mission waits for your approval"
     if allowed is None:
-        return "none where the rules allow that; otherwise you are asked"
+        return "not needed where the rules allow a start without it; otherwise you are asked"
     if not allowed:
         return "you are asked each time: the rules allow no exception"
-    return f"none if a plan gives only {', '.join(allowed)}; otherwise you are asked"
+    return f"not needed if a plan has only {', '.join(allowed)}; otherwise you are asked"
 
 
 def kind_in_words(kind: str) -> str:
@@ -188,9 +188,8 @@ def _session_event(data: ev.EventPayload) -> str:
         case ev.AgentMuted(agent=agent, muted=muted, by=by):
             words = f"{agent} {'muted' if muted else 'may propose again'}, by {by}"
         case ev.SessionResumed(interrupted=interrupted):
-            words = (
-                f"interrupted, so ended as held: {', '.join(interrupted)}" if interrupted else ""
-            )
+            missions = ", ".join(interrupted)
+            words = f"missions interrupted, now ended as held: {missions}" if missions else ""
         case ev.AuthorityChanged(refusal=refusal):
             words = f"nothing is sent from here: {refusal}" if refusal else "in command"
         case ev.StepsPaused(paused=paused, by=by):

@@ -28,7 +28,7 @@ STATUSES: dict[str, Status] = {
     "finding.judged_only": Status("◌", "judged only", "quiet"),
     "opinion.complies": Status("✔", "complies", "good"),
     "opinion.violates": Status("✘", "violates", "bad"),
-    "opinion.broken": Status("✘", "broken, by the checks", "bad"),
+    "opinion.broken": Status("✘", "broken: found by the checks", "bad"),
     "opinion.unclear": Status("?", "unclear", "warn"),
     "verdict.Success": Status("✔", "Success", "good"),
     "verdict.Failure": Status("✘", "FAILURE", "bad"),

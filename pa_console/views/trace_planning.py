@@ -345,7 +345,7 @@ def checks(attempt: Attempt, rules: Rules, *, with_rest: bool) -> Iterator[Trace
         held = sum(item.status == "complies" for item in rest)
         yield TraceSection(
             f"{key}-rest",
-            "Rules that stand",
+            "Rules not broken",
             (_findings(rest, rules),),
             step=5,
             note=f"{held} comply, {len(rest) - held} other",
@@ -378,7 +378,7 @@ def _finding(finding: Finding, rules: Rules) -> tuple[Span | Status | str, ...]:
 
 
 def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
-    """Return the telemetry of the checks for everything that the plan or a finding names."""
+    """Return the telemetry that the checks used about everything in the plan or a finding."""
     by = ", ".join(finding.rule_id for finding in given.deciding) or "no rule"
     against = any(finding.broken for finding in given.deciding)
     stands = "against the plan" if against else "for the plan"

@@ -187,7 +187,7 @@ def test_a_rule_that_the_checks_found_broken_never_complies_in_the_judge_s_list(
     judged = {rule.id for rule in RULES[:3]}
     [broken] = [rule.id for rule in RULES[:1]]
     said = told(front_end, story.told("approval", broken=(broken,)))
-    assert f"{broken} broken, by the checks" in said
+    assert f"{broken} broken: found by the checks" in said
     assert f"{broken} complies" not in said
     assert all(f"{name} complies" in said for name in judged - {broken})
 

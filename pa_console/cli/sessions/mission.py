@@ -253,7 +253,7 @@ class _Progress:
         self._status.update(self._standing(state))
 
     def _standing(self, state: SessionState) -> str:
-        """Return the present wait, or the progress of the mission."""
+        """Return what the session is waiting for, or else the progress of the mission."""
         trace, worker = state.current, state.worker
         if waiting := self._waiting.line(monotonic(), state):
             return waiting

@@ -149,7 +149,8 @@ class RecordedEvents:
 def show(asked: FollowOptions, settings: LoadedSettings) -> int:
     """Send the session until it ends; return the exit code.
 
-    Raises ValueError for what cannot be followed, placed or sent to, LogError for a bad log.
+    Raises ValueError if the session cannot be followed, the site has no position, or the server
+    cannot be used; LogError for a bad log.
     """
     server = TakServer.parse(
         asked.server, Certificate.of(asked.tls_cert, asked.tls_key, asked.tls_ca)

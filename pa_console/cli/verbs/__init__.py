@@ -141,7 +141,7 @@ def _name_types(command: Any) -> None:
 
 
 def _add_examples(app: typer.Typer, above: str = "") -> None:
-    """Add to the help of every verb below `app` its example, which is found by the verb's words.
+    """Add its example, which `EXAMPLES` has by its words, to the help of every verb below `app`.
 
     The short help of a verb is the complete first paragraph of its help.
     """

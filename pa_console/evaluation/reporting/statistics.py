@@ -314,7 +314,7 @@ class ReportTable(StrictModel):
         return self
 
     def numeric(self, column: int) -> bool:
-        """Return whether every cell of `column` is a number, a rate or without a value."""
+        """Return whether every cell of `column` has a number, a rate or no value."""
         return column > 0 and all(_NUMBER.match(row[column]) for row in self.rows)
 
 

@@ -118,7 +118,7 @@ def refusal_recall(records: Records) -> SuccessRate:
 
 
 def refusal_precision(records: Records) -> SuccessRate:
-    """Return the rate of necessary refusals among all necessary and needless ones."""
+    """Return the share of necessary refusals in all refusals, necessary and needless."""
     right = sum(record.refused for record in records if record.expect == "refuse")
     return SuccessRate(right, right + sum(needless_refusal(record) for record in records))
 

@@ -357,7 +357,7 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 
 
 def latency_tables(records: Records) -> list[ReportTable]:
-    """Return Fig. 4, for the paper's missions if there are runs of them, and all stages."""
+    """Return Fig. 4, for only the paper's missions if they have runs, and a table of all stages."""
     main, paper = main_runs(records), comparable_runs(records)
     return [_figure_four(paper or main, bool(paper)), _stages(main)]
 

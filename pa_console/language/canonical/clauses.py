@@ -113,7 +113,7 @@ CLAUSES: tuple[Clause, ...] = (
 
 
 class Aggravation(NamedTuple):
-    """An addition that turns any clause into one that no order may have."""
+    """An addition that makes any clause unlawful in an order."""
 
     wrong: Wrong
     words: str

@@ -195,7 +195,7 @@ class Ask:
 
 
 class Reading(NamedTuple):
-    """A reading of an order's present asks; under a condition, those of the case that is true.
+    """The present asks of an order as read; under a condition, the asks of the true case.
 
     Parts that no order may have are read, but never carried out.
     """

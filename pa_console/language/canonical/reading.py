@@ -208,7 +208,7 @@ def _ask(words: str) -> Ask:
 
 
 def _aggravated(words: str) -> Wrong | None:
-    """Return the addition that makes a clause one that no order may have; None without one."""
+    """Return the addition that makes a clause unlawful; None if it has no such addition."""
     if words.startswith(ASIDE.words) and words != ASIDE.words:
         return ASIDE.wrong
     for addition in UNLAWFUL:

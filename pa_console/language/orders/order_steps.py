@@ -180,7 +180,10 @@ class _Cutter:
         return True
 
     def _ends_with_first(self) -> None:
-        """Split a clause that ends with *first* from the words after it, or from those before."""
+        """Separate a clause that ends with *first* from the words after it.
+
+        If no words follow, the clause is separated from the words before it.
+        """
         reader = self._reader
         rest = [token.word for token in reader.tokens[reader.at :] if token.word not in _STOPS]
         if rest:
@@ -363,7 +366,7 @@ class _Cutter:
         return _Awaited(words, tuple(names), place, reader.at)
 
     def _arrival(self) -> tuple[bool, str]:
-        """Read *is in place at the north gate*; return whether it is an arrival, and its place."""
+        """Read *is in place at the north gate*; return True for an arrival, and its place."""
         reader, arrived, place = self._reader, False, ""
         while not reader.over:
             if not place and (frame := place_at(self._scene, reader)):

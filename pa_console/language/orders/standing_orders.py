@@ -400,7 +400,7 @@ def asks_nobody(text: str) -> tuple[str, bool]:
 
 
 def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
-    """Return a standing order, a question about one, or None if the text is none."""
+    """Return a standing order, a question about it, or None if the text is no standing order."""
     linked = link_names(scene.world, text)
     command, unasked = asks_nobody(linked)
     limit = _LIMIT.search(command)
@@ -428,7 +428,7 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
 
 
 def _parts(text: str) -> list[tuple[str, str]] | None:
-    """Return the ways to split a text into condition and order; None for no standing order."""
+    """Return the ways to split a standing order into condition and order; None for other texts."""
     opening = _OPENING.match(text)
     if opening is not None:
         rest = text[opening.end() :]

@@ -328,7 +328,7 @@ def _bare_minutes(reader: Reader, *, ends: bool) -> float:
 
 
 def _stands_alone(reader: Reader, now: datetime) -> str:
-    """Return "at" if there is a time here that needs no such word: *RTB 2130*, *midnite: ...*.
+    """Return "at" if a time that needs no such word comes next: *RTB 2130*, *midnite: ...*.
 
     Such a time has four digits, is *16 30*, noon or midnight, and begins or ends a clause.
     """

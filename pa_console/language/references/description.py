@@ -91,8 +91,9 @@ class Group:
 class Description:
     """The characters from `start` to `end` of an order, which describe gates or assets.
 
-    `number` is how many are meant; 0 means all that fit. With `any_will_do`, any of those that fit
-    will do. `place` is a frame named in the words. A description without a noun picks from `group`.
+    `number` is the number of assets or gates meant; 0 means all that fit. With `any_will_do`, each
+    that fits is good enough. `place` is a frame named in the words. A description without a noun
+    picks from `group`.
     """
 
     start: int

@@ -412,7 +412,7 @@ class _DescriptionParser:
         return True
 
     def _means_contact(self) -> bool:
-        """Return whether *vehicle* means a contact: one is in sight, or the order meets one."""
+        """Return whether *vehicle* means a contact, because one is in sight or is to be met."""
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 

@@ -46,7 +46,7 @@ _MAKE_IT = ("make it", "make that")
 
 
 def retell(scene: ReferenceScene, text: str) -> ResolvedOrder | Unclear | None:
-    """Return an order that refers to earlier ones as a complete order; None for any other."""
+    """Rewrite an order that refers to earlier orders as a complete one; None for other texts."""
     if not (scene.last is not None or scene.pointer or scene.asked_about) or not text.strip():
         return None
     return _FollowingOrder(Turn(scene, text)).complete()
@@ -134,7 +134,7 @@ class _FollowingOrder:
         return self._whole(_sentence(orders), corrects=True)
 
     def _agent_corrected(self) -> ResolvedOrder | None:
-        """Resolve *Not Drone_T04, Robot_T02.*: another asset does it, and the first one returns."""
+        """Resolve *Not Drone_T04, Robot_T02.*: another asset goes, and the first returns."""
         turn = self._turn
         others = [name for name in turn.named_assets if name not in turn.movers]
         others = others or self._meant_instead()
@@ -236,7 +236,7 @@ class _FollowingOrder:
         return any(v.plain and v.word not in ("go", "goes", "do") for v in verbs)
 
     def _same_elsewhere(self, place: str) -> ResolvedOrder | None:
-        """Return the last order for another `place`; a named asset stays, and another one goes."""
+        """Return the last order for another `place`; if it named an asset, another asset goes."""
         turn = self._turn
         move = turn.moves[0]
         named = any(name in turn.last.text for name in turn.movers)

@@ -340,7 +340,7 @@ def _unclear(scene: ReferenceScene, phrase: Description, names: Sequence[str]) -
 def _written(
     scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description, names: tuple[str, ...]
 ) -> list[ResolvedReference]:
-    """Return the replacements for a description: its names, with a destination if it holds one.
+    """Return the replacements for a description: its names, with a destination if it has one.
 
     *Closest robot to the north gate, please* has its destination inside the description. The place
     of a failed asset is kept, because the prompt does not give it. With *whichever is nearer*, the
@@ -402,10 +402,11 @@ def _there_named(
 
 
 def _reported(scene: ReferenceScene, text: str, state: State) -> str:
-    """Return the order due for the asset that is reported in a state and is in it by telemetry.
+    """Return the order due for an asset whose reported state telemetry confirms.
 
-    Returns '' if none is named, or several are, or telemetry does not confirm the report: the words
-    are then read as they stand. *One of the drones* is the one that telemetry shows in that state.
+    Returns '' if no asset or several are named, or if telemetry does not confirm the report: the
+    words are then read as they stand. *One of the drones* is the one that telemetry
+    shows in that state.
     """
     tokens = read_tokens(text)
     names = frozenset(token.written for token in tokens if token.written in scene.world.assets)

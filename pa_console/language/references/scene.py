@@ -188,10 +188,10 @@ def _teams(
 
 
 def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:
-    """Return `mission` as it is remembered after the `past` ones.
+    """Return `mission` as it is remembered after the `past` missions.
 
-    A mission that `corrects` the last one replaces it. An asset that both moved keeps its place
-    before the first. An asset that is only sent back counts as not moved.
+    A mission that `corrects` the last one replaces it. An asset that both missions moved keeps
+    its place from before the first. An asset that is only sent back counts as not moved.
     """
     last = next((earlier for earlier in reversed(past) if not earlier.undid), None)
     if not corrects or last is None:

@@ -58,7 +58,7 @@ class AssetClauses:
         self._start = 0
 
     def read(self) -> bool:
-        """Read one clause; return False if there is none that is understood."""
+        """Read one clause; return False if no clause here is understood."""
         reader, partial = self._reader, self._partial
         self._start, self._no = reader.at, False
         if reader.take(*words.BUT):
@@ -239,7 +239,7 @@ class GateClauses:
         self._scene, self._reader = partial.scene, partial.reader
 
     def read(self) -> bool:
-        """Read one clause; return False if there is none that is understood."""
+        """Read one clause; return False if no clause here is understood."""
         reader = self._reader
         if self._partial.ranked():
             return True

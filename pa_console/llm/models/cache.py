@@ -100,7 +100,10 @@ def partial_folder(name: str) -> Path:
 
 
 def hash_file(path: Path) -> str:
-    """Return the SHA-256 of the file at `path`; about 1 s per GB, while other threads can run."""
+    """Return the SHA-256 of the file at `path`.
+
+    This takes about 1 s per GB; other threads can run meanwhile.
+    """
     digest, piece = hashlib.sha256(), memoryview(bytearray(PIECE))
     with path.open("rb", buffering=0) as stream:
         while size := stream.readinto(piece):

@@ -108,7 +108,7 @@ class Dispatch:
         return tuple(entry.command for entry in self._open.values())
 
     def forget(self, command: DeviceCommand) -> None:
-        """Stop following `command`, because its device has another one."""
+        """Stop following `command`, because its device has another command."""
         self._open.pop(command.command_id, None)
 
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:

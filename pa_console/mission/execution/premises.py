@@ -87,7 +87,7 @@ class Premises:
         """Return whether a block of the track's gate would be directed at this track (ROE-02).
 
         A block that was planned for an empty gate must not meet a later arrival, whose identity is
-        unknown. If a warned threat is already there, the block is directed at that one.
+        unknown. If a warned threat is already there, the block is directed at that threat.
         """
         others = (other for other in picture.tracks.values() if other.id != track.id)
         threat = any(o.gate == track.gate and o.intent == "hostile" and o.warned for o in others)

@@ -282,7 +282,7 @@ class StandingOrders:
         )
 
     def started(self, mission: str, due: Due) -> None:
-        """Record `mission` as the one started for `due`."""
+        """Record that `mission` was started for `due`."""
         self._own[mission] = _Own(due.order.id, due.subject)
         if (agenda := self._agenda(due.order.id)) is not None:
             agenda.started(mission)

@@ -31,7 +31,7 @@ class StandingAssets(PlanMoves):
     named: frozenset[str] = frozenset()
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
-        """Return the assets that could be sent, of `kind` if given, without the named ones."""
+        """Return the assets that could be sent, of `kind` if given, but not the named assets."""
         return [name for name in super().free(kind) if name not in self.named]
 
     def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:

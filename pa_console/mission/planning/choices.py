@@ -72,7 +72,7 @@ def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the next command for a contact; a drone observes if none is known."""
+    """Yield the next command for a contact; a drone observes if no contact is known."""
     tracks = stands.tracks(ask.place)
     if look := _only_looked_at(stands, ask.place):
         yield look
@@ -146,8 +146,7 @@ def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
 def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
     """Yield `command` for the named assets, or for the requested number of available ones.
 
-    Named assets share one unit, except those that cover a gate alone, because the gate may need
-    them.
+    Named assets share one unit, except the only guard of a gate, because the gate may need it.
     """
     team = ask.who
     if team.names:
@@ -325,7 +324,7 @@ def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the commands of the first of `ways`: with every possible agent, then with its own."""
+    """Yield the commands of the first of `ways`: with all possible agents, then with its own."""
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]

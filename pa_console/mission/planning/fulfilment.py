@@ -110,7 +110,7 @@ def _is_left(moves: PlanMoves, name: str) -> bool:
 
 
 def _absent(case: PlanForOrder, ask: Ask, place: str) -> Iterator[str]:
-    """Describe each named asset that is not sent, unless it covers a gate alone."""
+    """Describe each named asset that is not sent, unless it is the only guard of a gate."""
     relief = case.spare(ask) and not case.others_stay
     for name in _fit(case, ask):
         if case.moves.ends(name) != place and (relief or name not in case.moves.alone):

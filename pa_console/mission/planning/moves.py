@@ -36,7 +36,7 @@ class PlanMoves:
 
     @cached_property
     def alone(self) -> set[str]:
-        """The assets that cover a gate by themselves."""
+        """The assets that are the only cover of a gate."""
         return {*sole_covers(self.before).values()}
 
     def kind(self, name: str) -> AssetKind:

@@ -185,7 +185,7 @@ class PlanForOrder:
 
 
 def is_of(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether the asset `name` is posted at the origin in `ask`, if it names one."""
+    """Return whether the asset `name` is posted at the origin in `ask`; True without an origin."""
     return ask.who.origin in ("", moves.post(name))
 
 

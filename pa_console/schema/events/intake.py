@@ -202,7 +202,10 @@ class StandingOrderStarted(Payload):
 
 
 class StandingOrderWithheld(Payload):
-    """The order's condition became true for `subject`, or its moment came: nothing was started."""
+    """The reason why a standing order started nothing although its condition or moment came.
+
+    `subject` is the thing that met the condition.
+    """
 
     kind: Literal["standing_order_withheld"] = "standing_order_withheld"
     order_id: str

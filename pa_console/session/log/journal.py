@@ -8,7 +8,7 @@ from pa_console.session.log.writer import LogWriter
 
 
 class Journal:
-    """Logs the events of the station; `problem` is the reason if nothing may be dispatched.
+    """The log of the station's events; `problem` is the reason why nothing may be dispatched.
 
     All decisions and commands of one moment are signed together: when the event loop is free again,
     and at the latest before the next simulation step. So none takes effect before it is signed, and

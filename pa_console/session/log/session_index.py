@@ -138,7 +138,7 @@ def read_anchor(folder: Path) -> bytes:
 
 
 def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
-    """Return the number and the hash of the line that the next one must follow."""
+    """Return the number and the hash of the line after which the next line must come."""
     last = lines[-1] if lines else b""
     records = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0
@@ -260,7 +260,7 @@ def _sessions(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession
 
 
 def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
-    """Yield the logs that are not in the index but have the first record of one that is."""
+    """Yield the logs outside the index whose first record is that of a log in the index."""
     begun = {entry.hash: entry for entry in entries if entry.records == 1}
     names = {entry.log for entry in entries}
     if not begun:

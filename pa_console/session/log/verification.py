@@ -143,7 +143,7 @@ def _edited(
 
 
 def _wanted(sound: SoundPart) -> dict[str, object]:
-    """Return the values that the record after the sound ones must have."""
+    """Return the values that the record after the last sound one must have."""
     if sound.before is None:
         return {"seq": 1, "prev": "0" * 64}
     session = sound.before.fields["session"]
@@ -153,7 +153,7 @@ def _wanted(sound: SoundPart) -> dict[str, object]:
 def _misplaced(
     record: LogRecord, sound: SoundPart, context: _NearbyLines, rejoined: bool, problem: str
 ) -> Damage:
-    """Return the damage at a record that is valid by itself but does not follow the one before."""
+    """Return the damage at a record that is valid but does not follow the record before it."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
     if isinstance(seq, int) and seq > number:
         return _too_early(seq, number, rejoined, context, problem)

@@ -260,7 +260,7 @@ class AlarmBook:
         return threat is not None
 
     def _id_of(self, key: Key) -> str:
-        """Return the id of the alarm about a subject, the earlier one if it is still recorded."""
+        """Return the id of the alarm about a subject: the earlier id if kept, else a new one."""
         alarm_id = self._ids.pop(key, "")
         if not alarm_id:
             self._numbered += 1

@@ -158,7 +158,7 @@ async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGene
 
 
 def _only_holds(plan: Plan) -> bool:
-    """Return whether a plan only holds, as the console plans if nothing else is possible."""
+    """Return whether a plan has only holds, which the console plans if nothing else is possible."""
     return all(action.verb == "hold" for action in plan.actions)
 
 

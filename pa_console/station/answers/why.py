@@ -459,7 +459,7 @@ async def _checked(
 def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World, picture: Picture
 ) -> str:
-    """Return the facts in a picture and in the order against an asset for one action."""
+    """Return the facts of a picture and of the order that speak against an asset for an action."""
     facts = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
     own_m = distance_m(name, part, world, picture)
     their_m = distance_m(part.agent, part, world, picture)
@@ -471,7 +471,7 @@ def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
 def _not_asked_for(
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World
 ) -> Iterator[str]:
-    """Yield a line if the order was read as one for another kind of asset."""
+    """Yield a line if the order was read as asking for another kind of asset."""
     kind = kind_asked_for(asked_of(trace, attempt), part, world)
     if kind is not None and world.assets[name].kind != kind:
         yield f"the order was read as one for a {PLAIN_KINDS[kind]}"

@@ -318,7 +318,7 @@ class JoinedStation:
         """Do nothing, because orders are given at the station itself."""
 
     def point(self, name: str) -> None:
-        """Record the name marked on the screen, '' for none; *this one* in a question means it."""
+        """Record the name marked on the screen, or ''; *this one* in a question means that name."""
         self._pointer = name
 
     def command_question(self, epoch: int, own: str) -> str:
@@ -363,7 +363,10 @@ class JoinedStation:
 
 @dataclass
 class _StopAsked:
-    """A stop requested here and not logged by the station yet, in this machine's seconds."""
+    """A stop that was requested here and is not in the station's log yet.
+
+    Times are in seconds of this machine's clock.
+    """
 
     pressed_s: float
     sent_s: float

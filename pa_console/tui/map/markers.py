@@ -108,7 +108,7 @@ def track_symbol(track: Track, number: str, look: Reliance) -> Symbol:
 
 
 def camera_symbol(camera: CameraReport, look: Reliance) -> Symbol:
-    """Return the symbol of a gate camera; a working camera has no name."""
+    """Return the symbol of a gate camera; for a working camera, it is the sign alone."""
     state = look.camera(camera)
     glyph = term("camera", state).glyph
     return (

@@ -77,7 +77,10 @@ class StillView(Widget):
         return not self.has_class("-empty")
 
     def show(self, still: CameraStill | None) -> bool:
-        """Show another still, None for none; return whether the widget's room has changed."""
+        """Show another still, or no still if it is None.
+
+        Returns True if the image has appeared or disappeared, so that the layout must change.
+        """
         if still != self._still:
             self._still, self._drawn = still, None
             self._content = (self._read(still) if still is not None else None) or b""
