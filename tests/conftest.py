@@ -24,7 +24,7 @@ PLUGIN_TESTS = {
     "aiohttp": ("attacks/test_no_code_of_the_working_folder_runs.py", "cli/test_serve_web.py"),
     "aiosmtpd": ("observability/test_alert_delivery.py",),
     "distributed": ("evaluation/test_sweep.py",),
-    "fastapi": ("cli/test_serve_verb.py", "http"),
+    "fastapi": ("cli/test_serve_verb.py", "golden/test_command_line.py", "http"),
     "hatchling": ("test_packaging.py",),
     "httpx2": ("fleets/test_snapshot.py",),
     "jsonschema": (
