@@ -22,11 +22,13 @@ RARELY = 50_000
 
 PLUGIN_TESTS = {
     "aiohttp": ("attacks/test_no_code_of_the_working_folder_runs.py", "cli/test_serve_web.py"),
+    "aiomqtt": ("cli/test_site_verb.py",),
     "aiosmtpd": ("observability/test_alert_delivery.py",),
     "distributed": ("evaluation/test_sweep.py",),
     "fastapi": ("cli/test_serve_verb.py", "golden/test_command_line.py", "http"),
     "hatchling": ("test_packaging.py",),
     "httpx2": ("fleets/test_snapshot.py",),
+    "importlinter": ("test_layers.py",),
     "jsonschema": (
         "fleets/test_broker_dies.py",
         "fleets/test_contract.py",
