@@ -282,7 +282,8 @@ async def ask_back(
 def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | None:
     """Return a question about the place that is meant; None unless only the place is unclear.
 
-    Each choice is the whole order with one place of the site.
+    Each choice is the whole order with one place of the site. There are no choices if the reading
+    names an asset that does not exist.
     """
     shown = planned.best
     reading = shown.asked.removeprefix(ASKED)
@@ -294,9 +295,12 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
         return None
     places = (*world.gates, *(name for name in world.frames if name not in world.gates))
     choices = tuple(reading.replace(NOWHERE, place) for place in places)
+    parsed = read_asked(shown.asked)
+    asks = parsed.asks if parsed is not None else ()
+    named = {name for ask in asks for name in ask.who.names}
+    offered = len(choices) <= MOST_CHOICES and named <= world.assets.keys()
     return NotUnderstood(
-        "no place here is called that. Which one is meant?",
-        choices=choices if len(choices) <= MOST_CHOICES else (),
+        "no place here is called that. Which one is meant?", choices=choices if offered else ()
     )
 
 

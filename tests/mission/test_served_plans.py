@@ -135,3 +135,10 @@ async def test_the_place_of_an_order_that_names_none_of_the_site_is_asked_for(ri
     asked = next(e.data for e in rig.events if isinstance(e.data, ev.QuestionAsked))
     assert "Robot_T01 to SouthGate" in asked.choices
     assert not any(isinstance(e.data, ev.CommandSent) for e in rig.events)
+
+
+async def test_no_choice_of_a_place_names_an_asset_that_does_not_exist(rig: Rig) -> None:
+    await rig.run(says("asked: Robot_T09 to unknown place"))
+    asked = next(e.data for e in rig.events if isinstance(e.data, ev.QuestionAsked))
+    assert asked.choices == ()
+    assert not any(isinstance(e.data, ev.CommandSent) for e in rig.events)
