@@ -407,18 +407,23 @@ def shift(
         float, typer.Option(min=0.0, help="Hours in the middle without an operator.")
     ] = 2.0,
     second_reader: SecondReaderOption = False,
+    log: Annotated[
+        Path | None, typer.Option(help="Folder that keeps the shift's log.", file_okay=False)
+    ] = None,
     json: JsonFileOption = None,
 ) -> None:
     """Work a simulated shift; ends with 1 if a gate, a battery, the memory or the log fails."""
     site = load_site("checkpoint", "checkpoint")
     weights = find_model(model, second_reader="" if second_reader else NO_READER)
     introduce(describe_machine(), weights, f"a shift of {hours:g} hours, {away:g} of them alone")
+    if log is not None:
+        log.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder, progress() as tell:
         report = with_engine(
             Engine(weights),
             lambda engine: work_shift(
                 site, engine, hours=hours, seed=seed, answer_s=answer, away_h=away,
-                folder=Path(folder), tell=tell,
+                folder=log or Path(folder), tell=tell,
             ),
         )  # fmt: skip
     show_report(report)
