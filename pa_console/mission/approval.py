@@ -325,6 +325,7 @@ def not_unasked(
         return f"the rules allow no {', '.join(beyond)} without approval"
     if request.approvals:
         return f"{people_words(request.approvals)} to approve"
-    if request.acknowledge or request.needs_override or request.state != "approve":
+    by_plan = set(request.acknowledge) - set(request.broken_anyway)
+    if by_plan or request.needs_override or request.state not in ("approve", "warned"):
         return "somebody has to look at this plan"
     return doubt(request, SURE_ENOUGH)

@@ -3,7 +3,7 @@
 Only the operator knows for certain which reading of an order is right.
 """
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -19,15 +19,17 @@ from pa_console.mission.approval import (
     inadmissible,
     request_approval,
     unasked_decision,
+    warnings,
 )
 from pa_console.mission.context import MissionContext, MissionResult
 from pa_console.mission.execution.premises import ways_to_safety
-from pa_console.mission.plan import Candidate, PlanForDecision
+from pa_console.mission.plan import Candidate, PlanForDecision, safeguards
 from pa_console.mission.planning.propose import other_readings
 from pa_console.mission.understand import NotUnderstood, StandingOffer
 from pa_console.schema.events import event as ev
 from pa_console.schema.events.event import MOST_READINGS
-from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus
+from pa_console.schema.finding import Finding
+from pa_console.schema.mission import ELSEWHERE, Decision, MissionStatus, StandingOrder
 from pa_console.schema.plan import Plan
 from pa_console.schema.world import World
 from pa_console.session.confidence import UNSURE
@@ -103,6 +105,10 @@ async def decide(
         if examination.before
         else (),
     )
+    order = _standing_order(context)
+    if request.acknowledge and order is not None and order.unasked:
+        anyway = await _broken_anyway(context, examination.findings)
+        request = request.model_copy(update={"broken_anyway": anyway})
     return replace(await answered(context, request, answer), readings=readings)
 
 
@@ -203,11 +209,26 @@ def _countersigns(
 
 def _unasked(context: MissionContext, request: ev.ApprovalRequested) -> Decision | None:
     """Return the decision of the standing order that started the mission; None if it makes none."""
-    services, mission = context.services, context.mission
-    order = services.standing.find(mission.standing) if mission.standing else None
+    order = _standing_order(context)
     if order is None or request.state == "not_understood":
         return None
-    return unasked_decision(order, request, services.rulebook.unasked)
+    return unasked_decision(order, request, context.services.rulebook.unasked)
+
+
+def _standing_order(context: MissionContext) -> StandingOrder | None:
+    """Return the standing order in force that started the mission; None if there is none."""
+    standing = context.mission.standing
+    return context.services.standing.find(standing) if standing else None
+
+
+async def _broken_anyway(
+    context: MissionContext, findings: Iterable[Finding]
+) -> tuple[str, ...]:
+    """Return the warnings in `findings` that would be the same if no asset moved."""
+    idle = await safeguards(context, context.mission, Plan(reason="no asset moves", actions=()))
+    broken = {(finding.rule_id, finding.message) for finding in idle.findings if finding.broken}
+    same = (finding for finding in findings if (finding.rule_id, finding.message) in broken)
+    return tuple(warnings(same))
 
 
 async def offer_standing(

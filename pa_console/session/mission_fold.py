@@ -95,7 +95,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt = trace.attempt(number)
             if attempt.made_s is None:
                 attempt.made_s = rehearsal.before.time_s
-            attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
+            attempt.stored_rehearsal, attempt.rehearsal_s = rehearsal, seconds
         case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.findings, attempt.checks_s = findings, seconds
@@ -173,6 +173,8 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
         case ev.MissionFinished(status=status, reason=reason, metrics=metrics):
             trace.stage, trace.approval, trace.preempted = "finished", None, ""
             trace.status, trace.reason, trace.metrics = status, reason, metrics
+            for attempt in trace.attempts:
+                attempt.pack()
             _measure_verdicts(trace)
         case _:
             pass

@@ -1,6 +1,8 @@
 """The trace of one mission: its state, and its plans one by one."""
 
+import zlib
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
@@ -49,7 +51,8 @@ class Attempt:
     """Parts of the order that no plan can do now, each with its reason."""
     gaps: tuple[str, ...] = ()
     """Mismatches between the words of the order and the reading that the plan is for."""
-    rehearsal: Rehearsal | None = None
+    stored_rehearsal: Rehearsal | bytes | None = None
+    """The last rehearsal of the plan; compressed once the mission has finished."""
     rehearsal_s: float = 0.0
     if_halted: tuple[Action, ...] = ()
     """The way to safety that was declared with the request for approval."""
@@ -78,6 +81,18 @@ class Attempt:
     """True if the plan is for the reading that the operator chose."""
     made_s: float | None = None
     """The time of the first rehearsal in simulated seconds; `rehearsal` may be a later one."""
+
+    @property
+    def rehearsal(self) -> Rehearsal | None:
+        """The last rehearsal of the plan; None if it was not rehearsed."""
+        stored = self.stored_rehearsal
+        return _unpacked(stored) if isinstance(stored, bytes) else stored
+
+    def pack(self) -> None:
+        """Compress the rehearsal, which takes most of the memory of a finished mission."""
+        if isinstance(self.stored_rehearsal, Rehearsal):
+            text = self.stored_rehearsal.model_dump_json()
+            self.stored_rehearsal = zlib.compress(text.encode())
 
     @property
     def sure(self) -> float | None:
@@ -113,6 +128,11 @@ class Attempt:
         judged += ", as the second reader read it" * self.as_read_again
         served = f", by {self.server}" if self.server else ""
         return served + given + judged + ", as the operator meant it" * self.as_chosen
+
+
+@lru_cache(maxsize=16)
+def _unpacked(stored: bytes) -> Rehearsal:
+    return Rehearsal.model_validate_json(zlib.decompress(stored))
 
 
 @dataclass

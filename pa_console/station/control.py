@@ -163,7 +163,12 @@ class StandingControl:
         Nobody watches a timed mission, so a notice is emitted at alarm level if it was not carried
         out.
         """
-        ended = self._standing.ended(mission, self._fleet.time_s, self._fleet.world.base)
+        ended = self._standing.ended(
+            mission,
+            self._fleet.time_s,
+            self._fleet.world.base,
+            failed=payload.status in ("held", "failed", "unverified"),
+        )
         if ended is None:
             return
         order, remark = ended

@@ -22,6 +22,8 @@ MOST_COUNTERSIGNED = 16
 UNANSWERED_S = 60.0
 """The wait in seconds after which an unanswered plan gives way to a mission that needs no
 approval."""
+NEXT_TURN_S = 300.0
+"""The time in seconds until such a mission has another turn if its plan has waited in vain."""
 NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
 EmitFor = Callable[[ev.EventPayload, str | None], None]
 """A function that emits an event for the mission with the given id, or for none."""
@@ -90,8 +92,9 @@ class MissionWorker:
         self._countersigned: deque[Decision] = deque(maxlen=MOST_COUNTERSIGNED)
         self._asked_at_s = 0.0
         """The time of the last approval request, on the fleet's clock."""
-        self._requested: set[str] = set()
-        """The open missions whose approval was requested."""
+        self._requested: dict[str, float] = {}
+        """The open missions whose approval was requested, with the time when each last waited for
+        it, on the fleet's clock."""
         self._first = ""
         """The mission that was last moved ahead of another."""
 
@@ -238,13 +241,15 @@ class MissionWorker:
     def _unasked(self, time_s: float) -> Mission | None:
         """Return a waiting mission that needs no approval, if the active one has waited too long.
 
-        A mission whose plan has already waited for an answer is not returned.
+        A mission whose plan has waited for an answer itself is returned after NEXT_TURN_S only.
         """
         if not self.awaits_decision or time_s - self._asked_at_s < UNANSWERED_S:
             return None
         for entry in self._intake.queue.entries:
             order = self._services.standing.find(entry.mission.standing)
-            if order is not None and order.unasked and entry.mission.id not in self._requested:
+            had_turn_s = self._requested.get(entry.mission.id)
+            due = had_turn_s is None or time_s - had_turn_s >= NEXT_TURN_S
+            if due and order is not None and order.unasked:
                 return entry.mission
         return None
 
@@ -257,13 +262,15 @@ class MissionWorker:
 
     def _give_way(self, run: MissionRun, work: asyncio.Task[object], by: str, reason: str) -> None:
         self._gives_way = True
+        if run.mission.id in self._requested:
+            self._requested[run.mission.id] = self._services.fleet.time_s
         self._emit(ev.MissionPreempted(by=by, reason=reason), run.mission.id)
         work.cancel()
 
     def drop(self, mission: Mission, reason: str) -> None:
         """End a waiting mission that will not be carried out."""
         run = self._runs.pop(mission.id, None) or self._new_run(mission)
-        self._requested.discard(mission.id)
+        self._requested.pop(mission.id, None)
         run.close(MissionResult("cancelled", reason))
 
     async def _work_on(self, run: MissionRun) -> None:
@@ -283,7 +290,7 @@ class MissionWorker:
         if interrupted and self._gives_way and self._intake.put_back(run.mission):
             return
         self._runs.pop(run.mission.id, None)
-        self._requested.discard(run.mission.id)
+        self._requested.pop(run.mission.id, None)
         if interrupted:
             why = "its cause is gone" if self._gives_way else self._cancelled_for
             run.close(MissionResult("cancelled", why))
@@ -303,7 +310,7 @@ class MissionWorker:
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
         self._asked_at_s = self._services.fleet.time_s
-        self._requested.add(self.worked_on)
+        self._requested[self.worked_on] = self._asked_at_s
         if self._countersigned:
             answer.set_result(self._countersigned.popleft())
         return answer

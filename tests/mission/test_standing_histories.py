@@ -16,6 +16,7 @@ from pa_console.mission.gate import CommandGate
 from pa_console.mission.orders.standing import (
     HOUR_S,
     REST_S,
+    RETRY_S,
     SETTLE_S,
     Due,
     StandingOrders,
@@ -87,7 +88,11 @@ class Subject:
     true_since_s: float | None = None
     true_last_s: float = -1e9
     started: bool = False
-    """Whether something was started in this occurrence."""
+    """Whether nothing more may be started in this occurrence."""
+    settled: bool = False
+    """Whether the orders have decided on this occurrence at least once."""
+    mission: str = ""
+    not_before_s: float = 0.0
 
 
 @dataclass
@@ -188,13 +193,15 @@ class History:
         busy = {self.random.choice(NAMES)} if self.random.random() < 0.1 else set[str]()
         self.follow(seen)
         for found in self.orders.look(seen, busy, stopped=self.stopped):
+            assert isinstance(found, Due | Withheld)
+            subject = self.subjects[found.order.id, found.subject]
+            subject.settled = True
             if isinstance(found, Withheld):
-                self.subjects[found.order.id, found.subject].started = True
+                subject.started = not found.reason.startswith("waits ")
                 continue
-            assert isinstance(found, Due)
             self.check(found, busy)
             self.count += 1
-            mission = f"M{self.count:03d}"
+            subject.mission = mission = f"M{self.count:03d}"
             self.orders.started(mission, found)
             self.open[mission] = found
             self.events += 1
@@ -216,7 +223,7 @@ class History:
                         self.subjects[name, each] = subject = Subject(self.now_s)
                     subject.true_last_s = self.now_s
                 elif subject.true_since_s is not None and (
-                    not subject.started or self.now_s - subject.true_last_s >= REST_S
+                    not (subject.started or subject.settled) or self.now_s - subject.true_last_s >= REST_S
                 ):
                     self.subjects[name, each] = Subject()
 
@@ -231,6 +238,7 @@ class History:
         assert self.assets[due.subject].battery_pct < BELOW[name]
         assert self.now_s - subject.true_since_s >= SETTLE_S
         assert not subject.started, "twice for one occurrence"
+        assert self.now_s >= subject.not_before_s, "too soon after a mission that failed"
         since_s = subject.true_since_s
         own = any(moved.explains(due.subject, since_s) for moved in self.moved.values())
         assert not own, "by its own effect"
@@ -331,8 +339,11 @@ class History:
     def end(self) -> None:
         """Let an open mission be over."""
         mission = self.random.choice(list(self.open))
-        del self.open[mission]
-        self.orders.ended(mission, self.now_s)
+        due, failed = self.open.pop(mission), self.random.random() < 0.5
+        self.orders.ended(mission, self.now_s, failed=failed)
+        subject = self.subjects.get((due.order.id, due.subject))
+        if failed and subject is not None and subject.mission == mission:
+            subject.started, subject.not_before_s = False, self.now_s + RETRY_S
         if mission in self.moved:
             self.moved[mission].ended_s = self.now_s
 

@@ -2,11 +2,13 @@
 
 An order waits for a state of the picture, or for a moment of the clock (`agenda`). An order that
 waits for a state starts a mission for an occurrence: its condition begins to hold for a subject,
-and has held for SETTLE_S. One occurrence starts one mission. It is over once the condition has not
-held for REST_S; only then can there be another for the same subject.
+and has held for SETTLE_S. An occurrence is over once the condition has not held for REST_S; only
+then can there be another for the same subject.
 
-Nothing is started by an effect of the orders themselves, while everything is stopped, or beyond an
-order's limit of starts per hour. All times except moments are simulated seconds. Conditions are
+One occurrence starts one mission. It starts another if the first one failed, RETRY_S after its end.
+While another mission deals with the subject, or the order has reached its limit of starts per hour,
+an occurrence waits. Nothing is started by an effect of the orders themselves, or while everything
+is stopped. All times except moments are simulated seconds. Conditions are
 evaluated on the picture alone.
 """
 
@@ -22,12 +24,15 @@ from pa_console.policy.standing_conditions import StandingCondition
 from pa_console.schema.events.intake import StandingOrderScheduled
 from pa_console.schema.mission import PLACE, StandingOrder, StandingStart
 from pa_console.schema.telemetry import Picture
+from pa_console.schema.text import count
 
 SETTLE_S = 1.0
 """The time that a condition must hold, in seconds; a shorter change is noise."""
 REST_S = 30.0
 """The time after which an occurrence is over, if its condition has not held meanwhile, in
 seconds."""
+RETRY_S = 300.0
+"""The time from the end of a mission that failed until its order tries again, in seconds."""
 HOUR_S = 3600.0
 AGAIN_S = 2.0
 """The error of an order's countdown, in seconds, at which its next moment is emitted again."""
@@ -73,8 +78,15 @@ class _Occurrence:
     since_s: float
     seen_s: float
     handled: bool = False
+    """True if a mission has been started, or none will be."""
     effect_of: str = ""
     """The mission of a standing order that caused the occurrence; '' for none."""
+    withheld: str = ""
+    """The reason why its mission has to wait, as last returned; '' for none."""
+    mission: str = ""
+    """The last mission that was started for it; '' for none."""
+    not_before_s: float = 0.0
+    """The earliest time of its next mission."""
 
 
 @dataclass(frozen=True)
@@ -284,6 +296,8 @@ class StandingOrders:
     def started(self, mission: str, due: Due) -> None:
         """Record that `mission` was started for `due`."""
         self._own[mission] = _Own(due.order.id, due.subject)
+        if (occurrence := self._occurrence(due.order.id, due.subject)) is not None:
+            occurrence.mission = mission
         if (agenda := self._agenda(due.order.id)) is not None:
             agenda.started(mission)
 
@@ -303,19 +317,27 @@ class StandingOrders:
             self._own[mission] = replace(own, moved=moved, moves=(*own.moves, *moves))
 
     def ended(
-        self, mission: str, time_s: float, base: str = ""
+        self, mission: str, time_s: float, base: str = "", *, failed: bool = False
     ) -> tuple[StandingOrder, str] | None:
         """Record the end of `mission`; return the order that started it, and a remark.
 
-        Returns None if no order in force started the mission.
+        If the mission has `failed` and its occurrence is not over after RETRY_S, the order starts
+        another. Returns None if no order in force started the mission.
         """
         own = self._own.get(mission)
         if own is None or own.ended_s is not None:
             return None
         own.ended_s = time_s
+        occurrence = self._occurrence(own.order, own.subject)
+        if failed and occurrence is not None and occurrence.mission == mission:
+            occurrence.handled, occurrence.not_before_s = False, time_s + RETRY_S
         order, agenda = self.find(own.order), self._agenda(own.order)
         remark = agenda.ended(mission, own.moves, base, self.time.now) if agenda is not None else ""
         return (order, remark) if order is not None else None
+
+    def _occurrence(self, order_id: str, subject: str) -> _Occurrence | None:
+        entry = self._in_force.get(order_id)
+        return entry.occurrences.get(subject) if entry is not None else None
 
     def _agenda(self, order_id: str) -> Agenda | None:
         entry = self._in_force.get(order_id)
@@ -345,13 +367,12 @@ class StandingOrders:
             if holds and occurrence is not None:
                 occurrence.seen_s = now_s
                 occurrence.handled = occurrence.handled or stopped
-                if not occurrence.handled and now_s - occurrence.since_s >= SETTLE_S:
-                    occurrence.handled = True
-                    results.append(self._decide(entry, subject, occurrence, picture, busy))
+                due_s = max(occurrence.since_s + SETTLE_S, occurrence.not_before_s)
+                if not occurrence.handled and now_s >= due_s:
+                    results += self._decide(entry, subject, occurrence, picture, busy)
         for subject, occurrence in list(entry.occurrences.items()):
-            over = now_s - occurrence.seen_s >= REST_S or not (
-                occurrence.handled or holding.get(subject)
-            )
+            settled = occurrence.handled or occurrence.withheld or occurrence.mission
+            over = now_s - occurrence.seen_s >= REST_S or not (settled or holding.get(subject))
             if over and occurrence.seen_s < now_s:
                 del entry.occurrences[subject]
         return results
@@ -363,22 +384,38 @@ class StandingOrders:
         occurrence: _Occurrence,
         picture: Picture,
         busy: Collection[str],
-    ) -> Due | Withheld:
-        order, now_s = entry.order, picture.time_s
+    ) -> Iterator[Due | Withheld]:
+        """Yield the mission for an occurrence, or why there is none, unless that is known."""
+        order = entry.order
+        start = start_for(order, subject, picture)
+        if occurrence.effect_of:
+            occurrence.handled = True
+            why = f"{occurrence.effect_of}, which a standing order started, has brought it about"
+            yield Withheld(order, subject, why)
+            return
+        if reason := self._wait_reason(entry, subject, picture.time_s, busy):
+            if reason != occurrence.withheld:
+                occurrence.withheld = reason
+                yield Withheld(order, subject, reason)
+            return
+        occurrence.handled, occurrence.withheld = True, ""
+        if start is None:
+            yield Withheld(order, subject, "its gate is not known")
+        else:
+            entry.starts_s.append(picture.time_s)
+            yield Due(order, start, subject, _gate(order, subject, picture) or None)
+
+    @staticmethod
+    def _wait_reason(entry: _InForce, subject: str, now_s: float, busy: Collection[str]) -> str:
+        """Return why a mission about `subject` has to wait; '' if it need not."""
         while entry.starts_s and now_s - entry.starts_s[0] >= HOUR_S:
             entry.starts_s.popleft()
-        if occurrence.effect_of:
-            why = f"{occurrence.effect_of}, which a standing order started, has brought it about"
-            return Withheld(order, subject, why)
         if subject in busy:
-            return Withheld(order, subject, "another mission deals with it")
-        if len(entry.starts_s) >= order.most_an_hour:
-            return Withheld(order, subject, f"it has started {len(entry.starts_s)} in an hour")
-        start = start_for(order, subject, picture)
-        if start is None:
-            return Withheld(order, subject, "its gate is not known")
-        entry.starts_s.append(now_s)
-        return Due(order, start, subject, _gate(order, subject, picture) or None)
+            return "waits for the end of another mission that deals with it"
+        if len(entry.starts_s) >= entry.order.most_an_hour:
+            started = count(len(entry.starts_s), "mission")
+            return f"waits because the order has started {started} in an hour"
+        return ""
 
     def _cause(self, subject: str) -> str:
         """Return a standing order's mission that moves, or just moved, `subject`; '' for none."""

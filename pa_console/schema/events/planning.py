@@ -160,6 +160,12 @@ class ApprovalRequested(Payload):
     plan: Plan
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons that cannot be overridden")
     acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
+    broken_anyway: tuple[str, ...] = Field(
+        default=(),
+        exclude_if=lambda rules: not rules,
+        description="those of `acknowledge` that are broken without the plan as well; only for a "
+        "plan that a standing order may approve",
+    )
     needs_override: bool = Field(default=False, description="the judge's verdict is Failure")
     if_halted: tuple[Action, ...] = Field(
         default=(),
