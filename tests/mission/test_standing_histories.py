@@ -357,3 +357,36 @@ def test_in_any_history_nothing_starts_or_is_sent_that_must_not() -> None:
             history.step()
         happened += history.events
     assert happened > HISTORIES / 2, "the histories must bring something about"
+
+
+def low_at(time_s: float, *names: str) -> Picture:
+    """Return a picture in which the assets `names` are low."""
+    assets = {name: REPORTS[name, 10.0 if name in names else 80.0, False] for name in NAMES}
+    return BASE.model_copy(update={"assets": assets, "time_s": time_s})
+
+
+def test_an_occurrence_beyond_the_limit_waits_and_starts_when_the_limit_allows() -> None:
+    orders = StandingOrders()
+    orders.approve(CONDITIONS[0])
+    results = [
+        (time_s, *(type(result) for result in orders.look(low_at(time_s, *NAMES))))
+        for time_s in (0.0, 1.0, 2.0, 600.0, HOUR_S, HOUR_S + 1.0, HOUR_S + 2.0)
+    ]
+    assert results == [
+        (0.0,), (1.0, Due, Withheld), (2.0,), (600.0,), (HOUR_S,), (HOUR_S + 1.0, Due),
+        (HOUR_S + 2.0,),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("failed", [True, False])
+def test_a_mission_is_tried_again_only_if_it_failed(failed: bool) -> None:
+    orders, first = StandingOrders(), NAMES[0]
+    orders.approve(CONDITIONS[3])
+    orders.look(low_at(0.0, first))
+    (due,) = orders.look(low_at(1.0, first))
+    assert isinstance(due, Due)
+    orders.started("M1", due)
+    orders.ended("M1", 60.0, failed=failed)
+    assert orders.look(low_at(60.0 + RETRY_S - 1.0, first)) == []
+    again = orders.look(low_at(60.0 + RETRY_S, first))
+    assert [type(result) for result in again] == [Due] * failed

@@ -10,7 +10,7 @@ from pa_console.evaluation.twin import resimulate
 from pa_console.mission.approval import Approver, standing_approver
 from pa_console.policy.rulebook import Rulebook
 from pa_console.schema.events import event as ev
-from pa_console.schema.incident import SetBattery
+from pa_console.schema.incident import FailAsset, SetBattery
 from pa_console.schema.mission import Decision
 from pa_console.schema.rule import StandingLimits
 from pa_console.session.log.chain import read_log
@@ -262,6 +262,30 @@ async def test_it_approves_by_itself_only_where_it_says_so_and_the_rules_allow_i
     if unasked:
         assert trace.decision.by == "standing instruction: standing order S1"
         assert trace.status == "verified"
+
+
+def low_while_a_gate_is_bare(event: ev.Event, station: ControlStation) -> None:
+    if isinstance(event.data, ev.StandingOrderApproved):
+        station.inject(FailAsset(asset="Drone_T03"))
+    low_once_in_force(event, station)
+
+
+async def test_a_warning_that_holds_without_its_plan_does_not_keep_it_from_approving(
+    rig: Rig,
+) -> None:
+    """The bare gate has an alarm of its own; the relief neither opens nor closes it."""
+    rig.site = allowing(rig.site, "move_to", "return_to_base")
+    engine = sure_engine(ASKED, RELIEF, "WestGate")
+    state = await play(
+        rig, but_for_missions, UNASKED, on_event=low_while_a_gate_is_bare, engine=engine
+    )
+    (trace,) = [t for t in state.missions.values() if t.mission.standing]
+    request = next(e.data for e in told(rig, ev.ApprovalRequested) if e.mission == trace.mission.id)
+    assert isinstance(request, ev.ApprovalRequested)
+    assert request.acknowledge == request.broken_anyway == ("WF-07",)
+    assert trace.decision is not None
+    assert trace.decision.standing_order == "S1"
+    assert trace.status == "verified"
 
 
 async def test_a_plan_that_two_people_must_approve_is_rejected_by_it(rig: Rig) -> None:
