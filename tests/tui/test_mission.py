@@ -239,3 +239,16 @@ async def test_the_key_that_leads_to_the_prompt_is_no_part_of_a_mission(show: Sh
     async with show(story.opening()) as (app, pilot, _, _):
         await pilot.press("slash", *"hold 1", "slash", "2")
         assert app.screen.query_one(MissionInput).text == "hold 1/2"
+
+
+async def test_what_is_typed_while_an_order_is_being_taken_stays_in_the_prompt(show: Show) -> None:
+    async with show(story.opening()) as (app, pilot, station, _):
+        prompt = app.screen.query_one(MissionPrompt)
+        prompt.put("Hold all drones.Send")
+        await pilot.pause()
+        prompt.post_message(MissionPrompt.Given("Hold all drones."))
+        await pilot.pause()
+        assert station.submitted == ["Hold all drones."]
+        assert prompt.draft == "Send"
+        await pilot.press(*" one")
+        assert prompt.draft == "Send one"

@@ -406,9 +406,14 @@ class MissionPrompt(Horizontal):
         return None
 
     def taken(self, text: str) -> None:
-        """Clear the field after `text` was accepted, and add the text to the history."""
+        """Remove `text` from the field after it was accepted, and add it to the history.
+
+        Text that was typed after it in the meantime stays in the field.
+        """
         self._history.add(text)
-        self.query_one(MissionInput).text = ""
+        field = self.query_one(MissionInput)
+        field.text = field.text.removeprefix(text) if field.text.startswith(text) else ""
+        field.move_cursor(field.document.end)
 
     def show_waiting(self, text: str) -> None:
         """Show the present wait in the line above, or in the field if there is no such line.
