@@ -221,9 +221,7 @@ def _standing_order(context: MissionContext) -> StandingOrder | None:
     return context.services.standing.find(standing) if standing else None
 
 
-async def _broken_anyway(
-    context: MissionContext, findings: Iterable[Finding]
-) -> tuple[str, ...]:
+async def _broken_anyway(context: MissionContext, findings: Iterable[Finding]) -> tuple[str, ...]:
     """Return the warnings in `findings` that would be the same if no asset moved."""
     idle = await safeguards(context, context.mission, Plan(reason="no asset moves", actions=()))
     broken = {(finding.rule_id, finding.message) for finding in idle.findings if finding.broken}

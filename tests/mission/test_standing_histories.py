@@ -223,7 +223,8 @@ class History:
                         self.subjects[name, each] = subject = Subject(self.now_s)
                     subject.true_last_s = self.now_s
                 elif subject.true_since_s is not None and (
-                    not (subject.started or subject.settled) or self.now_s - subject.true_last_s >= REST_S
+                    not (subject.started or subject.settled)
+                    or self.now_s - subject.true_last_s >= REST_S
                 ):
                     self.subjects[name, each] = Subject()
 
