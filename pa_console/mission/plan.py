@@ -11,6 +11,7 @@ from pa_console.language.mention_check import NOTHING_SAID, MentionCheck, check_
 from pa_console.language.references.conversation import leaning_words
 from pa_console.mission.context import MissionContext
 from pa_console.mission.examine import Examination, examine
+from pa_console.mission.planning.backfill import in_turn
 from pa_console.mission.planning.fulfilment import gaps
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import Unmet, unmet_asks, within_capability
@@ -21,6 +22,7 @@ from pa_console.mission.planning.propose import (
     ask_planner,
     ask_who,
     commands_for,
+    propose_instead,
 )
 from pa_console.mission.retrieve import RetrievedRules
 from pa_console.schema.events import event as ev
@@ -238,9 +240,17 @@ async def _first_sound(
 ) -> Candidate:
     """Examine the planner's other answers until one is sound; return the best candidate.
 
-    If the console can parse the reading in the first answer, the others have the same reading. If
+    Before that, the first answer is examined with every relieved asset waiting for its relief. If
+    the console can parse the reading in the first answer, the others have the same reading. If
     none is sound, the model gets the commands and only assigns agents to them.
     """
+    fleet = context.services.fleet
+    relieved = in_turn(best.examination.plan, fleet.picture(), fleet.world)
+    if relieved is not None:
+        attempt = propose_instead(context, answered, relieved)
+        best = better(best, await _examined(context, answered.retrieved, attempt, reading))
+    if best.sound:
+        return best
     readable = reading is not None and reading.readable
     for other in await ask_for_others(context, answered, as_asked=readable):
         if best.sound:

@@ -8,6 +8,7 @@ import pytest
 from pa_console.mission.approval import standing_approver
 from pa_console.mission.plan import MOST_SERVED
 from pa_console.schema.evaluation import Variant
+from pa_console.schema.events import event as ev
 from pa_console.session.confidence import (
     Evidence,
     WeighedReading,
@@ -45,6 +46,34 @@ async def test_what_comes_twice_is_looked_at_once(rig: Rig) -> None:
 async def test_a_sound_first_plan_asks_for_no_others(rig: Rig) -> None:
     await rig.run(ScriptedEngine([SOUND], others=[REPORT]), approver=standing_approver("auto"))
     assert [e.data.text for e in rig.events if e.data.kind == "plan_proposed"] == [SOUND]
+
+
+SLOW_RELIEF = plan(("Robot_T02", "move_to WestGate"), ("Drone_T01", "return_to_base"))
+
+
+async def test_the_last_guard_of_a_gate_leaves_once_a_slow_relief_has_arrived(rig: Rig) -> None:
+    trace = await rig.run(
+        ScriptedEngine([SLOW_RELIEF]), text="Let another asset relieve Drone_T01."
+    )
+    assert trace.status == "verified"
+    first, second = trace.attempts
+    assert first.findings
+    assert "WF-03" in [finding.rule_id for finding in first.findings if finding.broken]
+    assert second.plan is not None
+    assert [action.after for action in second.plan.actions] == [(), (1,)]
+    assert rig.state.picture is not None
+    posts = {name: rig.state.picture.assets[name].post for name in ("Robot_T02", "Drone_T01")}
+    assert posts == {"Robot_T02": "WestGate", "Drone_T01": "Base"}
+    pictures = [e.data.picture for e in rig.events if isinstance(e.data, ev.TelemetryReceived)]
+    assert all(picture.gates["WestGate"].covered for picture in pictures)
+
+
+async def test_assets_that_change_places_do_not_wait_for_each_other(rig: Rig) -> None:
+    swap = plan(("Drone_T01", "move_to NorthGate"), ("Drone_T02", "move_to WestGate"))
+    trace = await rig.run(ScriptedEngine([swap]), text="Swap Drone_T01 and Drone_T02.")
+    assert all(
+        action.after == () for each in trace.attempts if each.plan for action in each.plan.actions
+    )
 
 
 ASTRAY = plan(

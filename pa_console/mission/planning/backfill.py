@@ -1,7 +1,8 @@
 """The further commands of a plan: gates stay covered, and unknown tracks are observed.
 
-An asset that leaves a gate as its last guard is replaced (WF-03), and a ground asset goes to an
-unknown track only if a drone observes it (WF-02).
+An asset that leaves a gate as its last guard is replaced (WF-03), and leaves after its replacement
+has arrived if the gap would be too long. A ground asset goes to an unknown track only if a drone
+observes it (WF-02).
 """
 
 import math
@@ -11,7 +12,10 @@ from dataclasses import dataclass
 from pa_console.language.canonical.order import Ask
 from pa_console.mission.planning.moves import PlanMoves
 from pa_console.mission.planning.obstacles import unfit
-from pa_console.schema.world import AssetKind
+from pa_console.policy.rule_variables import goes_to
+from pa_console.schema.plan import Action, Plan
+from pa_console.schema.telemetry import Picture
+from pa_console.schema.world import AssetKind, World
 
 _MOST_RELIEFS = 3
 """The number of candidates that are tried for the takeover of one gate, the soonest first."""
@@ -108,6 +112,32 @@ def _is_unseen(stands: StandingAssets, goals: Moves, place: str) -> bool:
     flown = any(stands.kind(name) == "uav" for name, goal in goals.items() if goal == place)
     watched = any(name not in goals for name in stands.there(place, "uav"))
     return unknown and bool(coming) and not flown and not watched
+
+
+def in_turn(plan: Plan, before: Picture, world: World) -> Plan | None:
+    """Return `plan` with every asset staying at its gate until those that relieve it have arrived.
+
+    Returns None if no asset relieves another one at a gate, if the plan has several steps already,
+    or if assets would wait for each other.
+    """
+    posts = {name: asset.post for name, asset in before.assets.items()}
+    coming: dict[str, list[int]] = {}
+    for number, action in enumerate(plan.actions, start=1):
+        goal = goes_to(action, world)
+        if goal in world.gates and posts.get(action.agent) != goal:
+            coming.setdefault(goal, []).append(number)
+    actions = list[Action]()
+    for action in plan.actions:
+        gate = posts.get(action.agent) or ""
+        leaves = goes_to(action, world) not in ("", gate)
+        after = tuple(coming.get(gate, ())) if leaves else ()
+        actions.append(action.model_copy(update={"after": after}) if after else action)
+    if len(plan.steps) > 1 or tuple(actions) == plan.actions:
+        return None
+    try:
+        return Plan(reason=plan.reason, actions=tuple(actions))
+    except ValueError:
+        return None
 
 
 def bare_s(stands: StandingAssets, goals: Moves) -> float:

@@ -356,6 +356,15 @@ async def ask_who(
     )
 
 
+def propose_instead(context: MissionContext, answered: PlannerAnswer, plan: Plan) -> NumberedPlan:
+    """Emit a `plan` that the console has made from the planner's answer, and return it."""
+    first, by_server = context.attempts, answered.model.server is not None
+    number, sure = context.next_attempt(), answered.proposal.confidence
+    proposal = Proposal(plan.answer, plan, confidence=sure)
+    context.emit(_proposed(answered, proposal, number, instead_of=first, given=True))
+    return NumberedPlan(number, plan, sure, by_server)
+
+
 async def _given_commands(
     context: MissionContext, answered: PlannerAnswer, reading: str, slots: Sequence[CommandSlot]
 ) -> Proposal:
