@@ -13,6 +13,7 @@ from pa_console.end_signals import EndableRun, exit_code_of
 from pa_console.http.connections import listen
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.remote.servers import Servers, session_models
 from pa_console.mcp.agents_session import AgentsSession
 from pa_console.mcp.server import AgentsPort, bridge, make_server, serve_stdio
 from pa_console.observability import Observer
@@ -76,10 +77,14 @@ def serve_agent(options: SessionOptions, settings: LoadedSettings, name: str) ->
     """
     values = settings.values
     with Runner() as loop:
-        model = find_model(options.model, second_reader=values.second_reader)
+        chosen = session_models(options.model, values.judge_server, values.second_reader)
+        servers = Servers.open(
+            chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
+        )
+        model = find_model(chosen.own, second_reader=chosen.second_reader)
         engine = Engine(model, require_sandbox=options.require_sandbox)
         try:
-            opened = open_live(options, values, lambda: engine)
+            opened = open_live(options, values, lambda: engine, servers)
             writer = opened.open_log()
         except BaseException:
             loop.run(engine.close())

@@ -17,6 +17,7 @@ from pa_console.http.served_session import ServedSession
 from pa_console.http.tokens import TokenBook
 from pa_console.llm.local.engine import Engine
 from pa_console.llm.models.catalogue import find_model
+from pa_console.llm.remote.servers import Servers, session_models
 from pa_console.observability import Observer
 from pa_console.session.log.writer import LogWriter
 from pa_console.session.state import SessionState
@@ -37,10 +38,14 @@ def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) 
         ExitStack() as observes,
         Runner() as loop,
     ):
-        model = find_model(options.model, second_reader=values.second_reader)
+        chosen = session_models(options.model, values.judge_server, values.second_reader)
+        servers = Servers.open(
+            chosen.named, plain=values.plain_servers, patience_s=values.server_patience_s
+        )
+        model = find_model(chosen.own, second_reader=chosen.second_reader)
         engine = Engine(model, require_sandbox=options.require_sandbox)
         try:
-            opened = open_live(options, values, lambda: engine)
+            opened = open_live(options, values, lambda: engine, servers)
             tokens = token_book(opened.authority.trust if opened.authority else None)
             writer, observer = opened.open_log(), beside.observer
             if options.agents:
