@@ -38,7 +38,7 @@ class Drafts(dict[str, KeptDraft]):
                 self[name] = replace(opened, path=rules), text
 
     def note(self, opened: OpenRule, text: str) -> None:
-        """Store `text` as the draft of a rule, or drop the draft if `text` is unchanged."""
+        """Store `text` as the draft of a rule, or drop the draft if `text` has no change."""
         if text == opened.text:
             self.pop(opened.id, None)
         else:
@@ -64,7 +64,7 @@ def history_file() -> Path:
 class History:
     """The typed texts, oldest first, with a cursor that the up and down keys move.
 
-    If `file` is None, nothing is stored. The file has one text a line. A backslash is written as
+    If `file` is None, nothing is stored. The file has one text per line. A backslash is written as
     two backslashes, and a line feed as a backslash and an `n`.
     """
 
@@ -112,7 +112,7 @@ def _written(text: str) -> str:
 
 
 def _read(line: str) -> str:
-    return _WRITTEN.sub(lambda found: "\n" if found[1] == "n" else found[1], line)
+    return _WRITTEN.sub(lambda escape: "\n" if escape[1] == "n" else escape[1], line)
 
 
 def export_folder() -> Path:

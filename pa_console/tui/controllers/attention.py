@@ -1,4 +1,4 @@
-"""Calls for the operator: bell, notice and window title for a wait, a red line for a log fault.
+"""Calls for the operator: bell, notice and window title for a decision, red line for a log fault.
 
 A terminal ignores codes that it does not support.
 """
@@ -33,7 +33,7 @@ def notice(text: str) -> str:
 
 
 def window_title(text: str = "") -> str:
-    """Return the code that sets the window's title: what waits, or only the console's name."""
+    """Return the code that sets the window's title to `text` and the console's name."""
     plain = visible_line(text)
     return f"\x1b]2;▲ {plain} - {TITLE}\x07" if plain else f"\x1b]2;{TITLE}\x07"
 

@@ -16,7 +16,7 @@ from pa_console.tui.status_words import Reliance, term
 _ARROWS = "→↗↑↖←↙↓↘"
 _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
 WIDE_UNCERTAINTY_M = 5.0
-"""The least uncertainty that is written beside a track, in metres."""
+"""The minimum uncertainty that is written beside a track, in metres."""
 
 TROUBLE = frozenset(("down", "stale", "suspect"))
 """The roles of assets that cannot be relied on."""
@@ -29,13 +29,13 @@ The number is then written beside the cell if there is room.
 
 POINTER = "▸"
 MOST_NAMES = 9
-"""The most names beside a cell; for more, only their number is written."""
+"""The maximum number of names beside a cell; if there are more, only their number is written."""
 
 DETAIL_FROM_COLUMNS = 60
-"""The least width of a map that shows charges that are not low, in columns."""
+"""The minimum width of a map that shows every charge and not only low ones, in columns."""
 
 NAMES_FROM_ROWS = 12
-"""The least height of a map with leaders to the names of dimmed markers, in rows."""
+"""The minimum height of a map with leaders to the names of dimmed markers, in rows."""
 
 _WITHOUT_LEADER = 2.0
 """The cost of the nearest place with a leader, if it hides nothing."""

@@ -50,13 +50,13 @@ ACCEPTED = (
 """The accepted forms, for the operator."""
 
 MOST = 500
-"""The most events that a search lists."""
+"""The maximum number of events that a search lists."""
 
 STEP = 20_000
 """The number of events searched between two checks for newer input."""
 
 WIDE = 120
-"""The least width of a banner with the signs of the marks, in cells."""
+"""The minimum width of a banner with the signs of the marks, in cells."""
 
 
 class RecordingScreen(MainScreen):
@@ -191,7 +191,7 @@ class RecordingScreen(MainScreen):
         self.move(how)
 
     def to_moment(self) -> None:
-        """Ask for a moment and go there."""
+        """Ask for a time or an event and go there."""
         from pa_console.tui.screens.dialogs import AskLine  # noqa: PLC0415 - not at the start
 
         def given(index: int | None) -> None:
@@ -246,7 +246,7 @@ def read_position(text: str, player: Player) -> int:
         return timeline.count_until(timeline.duration * float(match[1]) / 100)
     match = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
     if match is None:
-        raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
+        raise ValueError(f"“{text}” is not a time or an event; write one like these:\n{ACCEPTED}")
     sign, seconds = match[1], _seconds(match[2])
     if sign == "s":
         if not timeline.ticks_per_s:

@@ -222,7 +222,7 @@ class AlarmPane(VirtualRows):
         self.set_keys(keys)
 
     def row(self, index: int, width: int) -> Content:
-        """Return a line of the list, with a pointer on the line that keys act on."""
+        """Return a line of the list; the line that keys act on has a pointer."""
         here = bool(self.cursor) and self.keys[index] == self.cursor
         pointer = ("▸ ", "bold $text-accent") if here else "  "
         return Content.assemble(pointer, self._lines[index]).truncate(width, ellipsis=True)

@@ -125,7 +125,7 @@ class VirtualRows(ScrollView):
         raise NotImplementedError
 
     def sticky(self, first: int, width: int) -> Content | None:
-        """Return the content to keep in the top line while row `first` is there, or None."""
+        """Return the content to show in the top line instead of row `first`, or None."""
         del first, width
         return None
 
@@ -266,7 +266,7 @@ class PointedRows(VirtualRows, Generic[Item]):
         self.set_keys(list(self.items))
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Return the cells that each growing column gets of the remaining `room`."""
+        """Return the number of cells of the remaining `room` that each growing column gets."""
         raise NotImplementedError
 
     def cells(self, key: str) -> Cells:
