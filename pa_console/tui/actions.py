@@ -109,8 +109,8 @@ class ConsoleAction:
     opens_field: bool = False
     """True if the action opens a field for the keys that follow.
 
-    The action then runs at once, so that no letter typed quickly after it is taken for
-    another command.
+    The action then runs at once, so that no letter typed quickly after it is taken for another
+    command.
     """
     confirmed: bool = False
     """True if a printable key only selects the action and Enter confirms it.
@@ -198,7 +198,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Look at the standing orders and their missions; pause or revoke one", "Mission",
                   words="whenever revoke automatic repeat"),
     ConsoleAction("take_up", "ctrl+n,U", "Take up again",
-                  "Give the last session's standing orders again; each waits for your approval",
+                  "Submit the last session's standing orders again; each waits for your approval",
                   "Mission", needs=(*_COMMAND, "left"),
                   confirmed=True, words="last shift resume"),
     ConsoleAction(
@@ -403,7 +403,7 @@ def key_text(keys: str) -> str:
 
 
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:
-    """Return the label of the command that `key` gives in a live session; empty for none."""
+    """Return the label of the command that `key` gives in a live session; '' if none."""
     for action in ACTIONS:
         keys = ",".join(own_keys(action, keymap).values()).split(",")
         if "live" in action.needs and key in keys:

@@ -114,10 +114,11 @@ class ConsoleApp(App[None]):
         A console that has `joined` another station's session commands no assets. Paths and settings
         that are None are the user's own, in the platform's folders. Rules can be edited if their
         `rules_file` is given. `opening` shows other screens instead of the session. `usual` maps
-        each step of a mission to its usual seconds. `to_terminal` receives the control codes
-        that call the operator; by default, they go to the console's own terminal. Orders of the
-        `last` session can be taken up again. The camera stills are stored beside the `log`. Tests
-        replace `clock` and `key_time`. Raises DocumentError if the user's settings are invalid.
+        each step of a mission to its usual duration in seconds. `to_terminal` receives the control
+        codes that call the operator; by default, they go to the console's own terminal. Orders of
+        the `last` session can be taken up again. The camera stills are stored beside the `log`.
+        Tests replace `clock` and `key_time`. Raises DocumentError if the user's settings are
+        invalid.
         """
         self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
@@ -177,7 +178,7 @@ class ConsoleApp(App[None]):
         """Read all style sheets again, for example for another theme.
 
         The first call does nothing if the theme has not changed since the constructor, because the
-        style sheets are then read with its colours anyway. Reading them twice would make the first
+        style sheets are then read with that theme anyway. Reading them twice would make the first
         paint take a tenth longer.
         """
         first, self._first_colours = self._first_colours, None

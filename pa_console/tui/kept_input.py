@@ -38,7 +38,7 @@ class Drafts(dict[str, KeptDraft]):
                 self[name] = replace(opened, path=rules), text
 
     def note(self, opened: OpenRule, text: str) -> None:
-        """Store `text` as the draft of a rule, or drop the draft if `text` has no change."""
+        """Store `text` as the draft of a rule, or drop the draft if `text` is unchanged."""
         if text == opened.text:
             self.pop(opened.id, None)
         else:
@@ -79,7 +79,7 @@ class History:
         self._draft = ""
 
     def add(self, text: str) -> None:
-        """Add `text` as the newest entry, without an earlier copy, and write the file if possible.
+        """Add `text` as the newest entry, remove any earlier copy, and write the file if possible.
 
         Line breaks are kept; blank lines and extra spaces are removed.
         """

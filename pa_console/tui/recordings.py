@@ -24,7 +24,7 @@ from pa_console.station.assembly import SessionSites
 class OpenedLog:
     """A recording with its world and its rules; without its world, it has no map.
 
-    `note` names damage to the log, and a world or rules that are missing or have changed since.
+    `note` describes damage to the log, and a world or rules that are missing or have changed since.
     """
 
     name: str

@@ -84,7 +84,7 @@ GROUNDS = ("background", "surface", "panel")
 """The names of the backgrounds of text."""
 
 BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
-"""The shares of a colour in the fill behind a sign whose text colour has the same name."""
+"""The share of each colour in the fill behind a sign whose text has the colour of that name."""
 
 FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
 """The solid fills; a sign on one of them is black or white."""
@@ -132,8 +132,8 @@ def readable(variables: Mapping[str, str], *, dark: bool, ansi: bool) -> dict[st
     """Return `variables` with text colours readable on all backgrounds, and fills for signs.
 
     A text colour keeps its hue and moves towards white or black only as far as necessary. The
-    values of a terminal's sixteen colours are unknown, so themes that use them (`ansi`) get names
-    that differ on usual palettes.
+    values of a terminal's sixteen colours are unknown, so themes that use them (`ansi`) get colour
+    names that look different on usual palettes.
     """
     if ansi:
         return {**variables, **_ANSI[dark]}

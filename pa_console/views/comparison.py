@@ -76,7 +76,7 @@ class SessionComparison:
 def compare_sessions(
     a: Recording, b: Recording, progress: Callable[[int, int], None] | None = None
 ) -> SessionComparison:
-    """Compare two recordings event by event; `progress` gets the compared events and all.
+    """Compare two recordings event by event; `progress` gets events done and total.
 
     Raises LogError if a log can no longer be read.
     """

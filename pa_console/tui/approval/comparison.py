@@ -1,4 +1,4 @@
-"""Plans side by side: the waiting plan, plans for other readings, and other ways to do the same."""
+"""Plans side by side: the waiting plan, plans for other readings, and other ways to do it."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -236,7 +236,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         self.set_class(event.size.width < LIST_CELLS, "-list")
 
     def add(self, candidate: ComparedPlan) -> None:
-        """Show one more plan; the pointer stays."""
+        """Show one more plan; the pointer does not move."""
         self.query_one("#comparison-plans", Horizontal).mount(CandidateColumn(candidate))
 
     def tell(self, text: str) -> None:

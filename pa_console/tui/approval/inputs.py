@@ -41,7 +41,7 @@ class DecisionButtons(Horizontal):
 
 
 def is_free(key: str) -> bool:
-    """Return whether a key can decide nothing, so that it works before the panel is armed."""
+    """Return True for a key that decides nothing and so works before the panel is armed."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())
 
 
@@ -90,7 +90,7 @@ class GivenFields(VerticalScroll, can_focus=False):
         )
 
     def show_reading(self, rows: Sequence[WrappedRow]) -> None:
-        """Show `rows`, the consequences of the selected reading; if empty, show none."""
+        """Show `rows`, the consequences of the selected reading; no rows hide them."""
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 
     @property
@@ -170,7 +170,7 @@ def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str)
 
 
 def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[DecisionMade]) -> str:
-    """Return the reason why another station needs no signature; empty if it needs one.
+    """Return the reason why another station needs no signature from here; empty if it needs one.
 
     `made` are the decisions of the mission so far.
     """

@@ -269,7 +269,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def refresh_state(self) -> None:
-        """Enable Approve, or show why it is not possible.
+        """Enable Approve, or show why it is disabled.
 
         Lines seen before the panel takes keys do not count, because they may not be laid out yet.
         """
@@ -373,7 +373,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.disarm()
 
     def action_cycle(self, step: int) -> None:
-        """Focus the next or the previous field of this panel, in a circle; Esc leaves the panel."""
+        """Focus the next or previous field of this panel, wrapping around; Esc leaves the panel."""
         chain = [widget for widget in self.screen.focus_chain if self in widget.ancestors]
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
@@ -400,7 +400,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
-        """Return the input that Approve still needs; if it needs none, the panel, scrolled on."""
+        """Return the input that Approve still needs; if none, scroll the plan and return the panel."""
         unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self

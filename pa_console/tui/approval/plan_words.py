@@ -255,7 +255,7 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
 
 
 def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
-    """Yield an order as it was typed, with its reading after each word that was read otherwise."""
+    """Yield an order as it was typed; after a word that was read differently, yield the reading."""
     typed, read = mission.said.split(), mission.text.split()
     if len(typed) != len(read):
         yield mission.said
@@ -269,7 +269,7 @@ def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
 
 
 def _because(unmet: str) -> str:
-    """Return `unmet`, an impossible part, a colon and the reason, as one sentence."""
+    """Return `unmet`, which has an impossible part and a reason after a colon, as one sentence."""
     part, colon, reason = unmet.partition(": ")
     return f"{part}, because {reason}" if colon else part
 

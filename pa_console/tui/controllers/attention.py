@@ -1,4 +1,4 @@
-"""Calls for the operator: bell, notice and window title for a decision, red line for a log fault.
+"""Calls for the operator: signals that something waits, and a red line for a log fault.
 
 A terminal ignores codes that it does not support.
 """
@@ -81,10 +81,10 @@ class AttentionController:
 
 
 class LogAlarm(Static):
-    """An alarm line: the consequence of an unwritable log for the operator, then the reason."""
+    """An alarm line that shows the consequence of an unwritable log, and the reason."""
 
     def show(self, problem: str) -> None:
-        """Show the log's description of its problem."""
+        """Show the `problem` that the log reports."""
         self.update(Content.assemble((f"■ {CLOSED}", "bold"), f". {problem}"))
 
 

@@ -44,7 +44,7 @@ _STANDING = {
 
 
 def next_rate(rate: float, factor: float) -> float:
-    """Return the simulation's speed after one step."""
+    """Return the simulation's speed `rate` times `factor`, within the allowed range."""
     return min(max(rate * factor, RATES[0]), RATES[-1])
 
 

@@ -44,7 +44,7 @@ class SessionFeed:
         """A callback that receives every event at once, even while the screen is busy."""
 
     def start(self) -> None:
-        """Start to listen; called after the first paint."""
+        """Start to read the events; called after the first paint."""
         station = self._session.station
         if station is not None and self._session.player is None:
             self._app.run_worker(self._listen(station), group="session", exit_on_error=False)

@@ -29,7 +29,7 @@ _TOUCHING = 0.8
 """The cost of a cell right beside another name or marker."""
 
 _AMBIGUOUS = 1.5
-"""The cost of another marker beside a leader, or below or above a name without one."""
+"""The cost of another marker beside a leader, or below or above a name without a leader."""
 
 
 _NEXT_TO_NOTHING = 2.0

@@ -153,7 +153,7 @@ class Marker(NamedTuple):
 
     @property
     def in_list(self) -> str:
-        """The name in a list, for a cell that shows a number."""
+        """The name in the list beside a cell that shows a number."""
         symbol = self.symbol
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
@@ -163,7 +163,7 @@ class Marker(NamedTuple):
 
 
 class Markers:
-    """All markers of one picture on one canvas, by their cells."""
+    """All markers of one picture on one canvas, by cell."""
 
     def __init__(self, canvas: Canvas, markers: Iterable[Marker], pointed_at: str) -> None:
         """Put markers beyond the canvas at its edge; the marker `pointed_at` gets a pointer."""

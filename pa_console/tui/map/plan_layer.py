@@ -21,10 +21,10 @@ FARTHEST = 4.0
 """The highest cost of a text beside its place; a costlier text follows the place's name."""
 
 MOST_SOLID = 16
-"""The maximum number of routes drawn as solid lines; more routes are dotted, to be told apart."""
+"""The maximum number of routes drawn as solid lines; if there are more, all are dotted."""
 
 DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
-"""The roles that are dimmed if the plan does not concern them; trouble and threats are not."""
+"""The roles of symbols without trouble or threat; a plan dims those that it does not concern."""
 
 _ROUTE_OVER = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
 
@@ -116,7 +116,7 @@ def _meets_barrier(ground: MapGround, start: Cell, line: Sequence[Run]) -> bool:
 
 @lru_cache(maxsize=4096)
 def dimmed(symbol: Symbol) -> Symbol:
-    """Return the symbol dimmed, because a plan does not concern it; trouble is not dimmed."""
+    """Return a symbol that a plan does not concern, dimmed unless it shows trouble or a threat."""
     if symbol.role not in DIMMED:
         return symbol
     return symbol._replace(role="dimmed", detail="")

@@ -62,7 +62,7 @@ CELLS_PER_NAME = 48
 """The minimum number of cells per asset; with fewer, only important names are written."""
 
 MOST_RETRIES = 2
-"""The maximum number of retries to place names; each begins with the names that had no room."""
+"""The maximum number of retries to place names; each starts with the names left out before."""
 
 Window = tuple[float, Point | None]
 """The zoom of the map, and its centre; None means the middle of the site."""

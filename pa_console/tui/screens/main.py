@@ -254,7 +254,7 @@ class MainScreen(Screen[None]):
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
-        """Show a wait in words, '' for none; do nothing if the screen is being closed."""
+        """Show `text`, which describes a wait; do nothing if the screen is being closed."""
         for prompt in self.query(MissionPrompt):
             prompt.show_waiting(text)
 
@@ -270,7 +270,7 @@ class MainScreen(Screen[None]):
             line.show("", "")
 
     def _show_approval(self, state: SessionState) -> None:
-        """Show or withdraw the open request; focus stays while the operator is typing."""
+        """Show or withdraw the open request; keep the focus while the operator is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
         had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
         plan = self._plan_that_waits(state)
@@ -353,7 +353,7 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def _mark_lower(self, name: str, on: bool) -> None:
-        """Set a style class on the panes below the map; to set it on the whole screen is slower."""
+        """Set a style class on the panes below the map; setting it on the screen would be slower."""
         self.query_one("#lower").set_class(on, name)
 
     def action_numbered(self, number: int) -> None:

@@ -1,4 +1,4 @@
-"""The main screen of a recorded session, to play, step and search it; it takes no command."""
+"""The main screen of a recorded session, to play, step through and search; it takes no commands."""
 
 import asyncio
 import re
@@ -97,7 +97,7 @@ class RecordingScreen(MainScreen):
         yield Scrubber(self.player.recording.timeline, id="scrubber")
 
     def on_mount(self) -> None:
-        """Show the position of the recording, and advance it whenever it plays."""
+        """Show the position of the recording, and advance it while the recording plays."""
         self.set_interval(FRAME_S, self._tick)
         self._moved()
 
@@ -176,7 +176,7 @@ class RecordingScreen(MainScreen):
         self.notify(str(error), title="Replay", severity="error", timeout=30, markup=False)
 
     def play_pause(self) -> None:
-        """Play from now on, or pause."""
+        """Play from the current position, or pause."""
         self._seen_at = self._clock()
         self.move(Player.pause if self.player.playing else Player.play)
 
@@ -358,7 +358,7 @@ class FindEvent(ModalScreen[int | None]):
         self.dismiss(int(event.key))
 
     async def _search(self, text: str) -> None:
-        """Show the events with all the words of `text`, one part of the recording after another."""
+        """Show the events with all the words of `text`, searching one part of the log at a time."""
         hits: list[Hit] = []
         end = len(self._recording)
         try:

@@ -82,7 +82,7 @@ class RuleEditor(Screen[str]):
         self._changed()
 
     def on_unmount(self) -> None:
-        """Store the latest draft in any case."""
+        """Write the drafts to disk, even if the latest text was not checked."""
         self._bench.drafts.keep()
 
     @property

@@ -98,7 +98,7 @@ def _as_written(value: Mapping[str, Any]) -> str:
 
 
 def _ordering(order: Ordering) -> str:
-    """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
+    """Return an ordering's kind, its subjects and its time limit; its two events follow."""
     limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
     subjects = f", each {order.each}" if order.each is not None else ""
     return f"order: {order.kind}{limit if order.seconds is not None else ''}{subjects}"

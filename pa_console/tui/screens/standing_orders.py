@@ -141,7 +141,7 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         self._ask("skip", "Skip")
 
     def action_again(self) -> None:
-        """Give an order that is over again; it then needs another approval."""
+        """Submit an order again after its end; it then needs another approval."""
         self._ask("again", "Give again", in_force=False)
 
     def _ask(self, change: StandingChange, title: str, *, in_force: bool = True) -> None:

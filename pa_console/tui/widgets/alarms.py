@@ -257,11 +257,11 @@ class AlarmPane(VirtualRows):
         self._held = False
 
     def next_alarm(self) -> None:
-        """Move the cursor to the next alarm, in a circle."""
+        """Move the cursor to the next alarm, after the last one to the first."""
         self._go_round(_ALARM)
 
     def next_mission(self) -> None:
-        """Move the cursor to the next waiting mission, in a circle."""
+        """Move the cursor to the next waiting mission, after the last one to the first."""
         self._go_round(_MISSION)
 
     def _go_round(self, prefix: str) -> None:

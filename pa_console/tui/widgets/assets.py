@@ -232,7 +232,7 @@ class AssetTable(VirtualRows):
         self.show(self._picture)
 
     def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
-        """Return the rows in order: the most urgent first, equally urgent ones unchanged."""
+        """Return the rows of each group with the most urgent first."""
         tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
         ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
         assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])

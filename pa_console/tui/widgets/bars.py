@@ -179,7 +179,7 @@ class StatusBar(Static):
         self.update(_fitted(items, self.content_size.width), layout=False)
 
     def _next_start(self, state: SessionState) -> Content | None:
-        """Return the countdown to a standing order's next start, or else the number of orders."""
+        """Return the countdown to the next start of a standing order, or else their number."""
         in_force = [standing for standing in state.standing.values() if standing.in_force]
         if not in_force or state.ended:
             return None
@@ -219,7 +219,7 @@ class StatusBar(Static):
         return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
 
     def _gates(self, state: SessionState) -> tuple[Content, str]:
-        """Return the gates that are not covered, and a short count; '' if all are covered.
+        """Return the uncovered gates in words, and a shorter text; it is '' if all are covered.
 
         A gate with unknown cover counts as not covered.
         """

@@ -129,7 +129,7 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
                "   after ", *_opinion(record.judge_outcome, record.strict))
     )  # fmt: skip
     if record.obeyed != record.strict:
-        rows.append(fact("", f"obeyed before execution, it would have been {_word(record)}"))
+        rows.append(fact("", f"if the operator had obeyed the judge: {_word(record)}"))
     if record.verification is not None:
         rows.append(fact("telemetry", term("outcome", record.verification).part))
     rows.append(fact("answers", *_answers(record)))

@@ -46,7 +46,7 @@ HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class _TriedCompletion(NamedTuple):
-    """A completed name by its number among the completions, and the text and cursor after it."""
+    """A completion written by Tab, the number of its name, and the text and cursor afterwards."""
 
     completion: Completion
     number: int
@@ -411,7 +411,7 @@ class MissionPrompt(Horizontal):
         self.query_one(MissionInput).text = ""
 
     def show_waiting(self, text: str) -> None:
-        """Show a wait in words in the line above, or in the field if there is no such line.
+        """Show `text`, which describes a wait, in the line above, or else in the field.
 
         A text that is being typed is never covered.
         """
@@ -419,7 +419,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def _say_above(self) -> None:
-        """Show the effect of Tab in the line above, or else the wait."""
+        """Show the effect of Tab in the line above, or else the text of `show_waiting`."""
         above = bool(self.styles.border_top[0])
         keys = self._keys if self.has_cursor and not self.draft else ""
         text = self._hint or self._waiting

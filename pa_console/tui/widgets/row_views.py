@@ -235,8 +235,8 @@ class VirtualRows(ScrollView):
 class PointedRows(VirtualRows, Generic[Item]):
     """A table with a row for each item; the pointer stays on its row when others arrive.
 
-    Subclasses set `COLUMNS` with their least widths, and define the cells of a row and the columns
-    that grow.
+    Subclasses set `COLUMNS` with their minimum widths, and define the cells of a row and the
+    columns that grow.
     """
 
     COLUMNS: ClassVar[Layout]
