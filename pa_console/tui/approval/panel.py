@@ -400,7 +400,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
-        """Return the input that Approve still needs; if none, scroll the plan and return the panel."""
+        """Return the input that Approve still needs; if none, scroll and return the panel."""
         unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self

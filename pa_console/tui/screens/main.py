@@ -353,7 +353,7 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def _mark_lower(self, name: str, on: bool) -> None:
-        """Set a style class on the panes below the map; setting it on the screen would be slower."""
+        """Set a style class on the panes below the map; setting it on the screen is slower."""
         self.query_one("#lower").set_class(on, name)
 
     def action_numbered(self, number: int) -> None:
