@@ -76,8 +76,9 @@ class SessionComparison:
 def compare_sessions(
     a: Recording, b: Recording, progress: Callable[[int, int], None] | None = None
 ) -> SessionComparison:
-    """Compare two recordings event by event; `progress` gets events done and total.
+    """Compare two recordings event by event.
 
+    `progress` receives the number of compared events and the total number of events.
     Raises LogError if a log can no longer be read.
     """
     began = int(all(len(r) and isinstance(r[0].data, SessionStarted) for r in (a, b)))

@@ -43,7 +43,7 @@ SHOWN_AFTER_S = 0.3
 
 _REMEMBERED = 20
 _LEAST = 3
-"""The number of measured durations from which their median counts as the usual time."""
+"""The minimum number of measured durations for their median to count as the usual time."""
 _CHARACTERS = 3.5
 """Characters per token, assumed until an answer reports its number of tokens."""
 
@@ -98,7 +98,7 @@ class Waiting:
         return trace.mission.id, step
 
     def usual_s(self, step: str) -> float | None:
-        """Return the usual seconds of `step`, the median of its measured times; None if unknown."""
+        """Return the usual seconds of `step`, as measured or stored; None if unknown."""
         taken = self._taken.get(step, ())
         if len(taken) >= _LEAST or (taken and step not in self._stored):
             return median(taken)

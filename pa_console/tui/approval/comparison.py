@@ -1,4 +1,4 @@
-"""Plans side by side: the waiting plan, plans for other readings, and other ways to do it."""
+"""Plans side by side: the waiting plan, plans for other readings, and more for the same one."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass

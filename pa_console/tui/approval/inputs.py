@@ -90,7 +90,7 @@ class GivenFields(VerticalScroll, can_focus=False):
         )
 
     def show_reading(self, rows: Sequence[WrappedRow]) -> None:
-        """Show `rows`, the consequences of the selected reading; no rows hide them."""
+        """Show `rows`, the consequences of the selected reading; hide them if empty."""
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 
     @property
@@ -105,7 +105,7 @@ class GivenFields(VerticalScroll, can_focus=False):
 
 
 class ReasonField(LineField):
-    """The field below a plan for the reason of a decision, or for the answer to a question."""
+    """The field below a plan for the reason for a decision, or for the answer to a question."""
 
     def __init__(self) -> None:
         super().__init__(id=REASON, select_on_focus=False)

@@ -44,7 +44,7 @@ _STANDING = {
 
 
 def next_rate(rate: float, factor: float) -> float:
-    """Return the simulation's speed `rate` times `factor`, within the allowed range."""
+    """Return `rate` times `factor`, limited to the allowed speeds of the simulation."""
     return min(max(rate * factor, RATES[0]), RATES[-1])
 
 

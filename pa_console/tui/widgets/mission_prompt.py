@@ -309,7 +309,7 @@ class MissionPrompt(Horizontal):
     ) -> None:
         """Build the prompt; `closed` is the reason why no missions are accepted, empty if they are.
 
-        With `asks`, questions are accepted even so.
+        If `asks` is True, questions are still accepted.
         """
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
