@@ -84,7 +84,7 @@ def trigger_in_words(order: StandingOrder) -> str:
 
 
 def moments_in_words(moments: Sequence[datetime]) -> str:
-    """Return moments of the station's clock with their zone, and the weekday when the day changes."""
+    """Return moments of the station's clock with their zone, and the weekday if the day changes."""
     parts = list[str]()
     for before, at in zip((None, *moments), moments, strict=False):
         same = before is None or before.date() == at.date()
