@@ -1,6 +1,6 @@
 """The registry of the console's actions, with their default keys and the user's own keys.
 
-The bindings, the footer, the command palette and the help are generated from it.
+The bindings, the footer, the command palette and the help are generated from this registry.
 """
 
 from collections.abc import Mapping
@@ -25,7 +25,8 @@ Group = Literal[
 _COMMAND: tuple[Need, ...] = ("live", "writable")
 GROUPS: tuple[Group, ...] = get_args(Group)
 READING_KEYS = tuple(f"alt+{number}" for number in range(1, max(MOST_READINGS, MOST_CHOICES) + 1))
-"""The keys at the approval panel that choose another reading of an order, or an answer."""
+"""The keys at the approval panel that choose another reading of an order, or an answer to a
+question about it."""
 
 ALT_DIGITS = (
     "inverted_exclamation_mark",
@@ -41,9 +42,9 @@ _PANEL = {"a": "Approve", "r": "Reject", "m": "Modify"}
 """The keys of the approval panel, which recordings do not have."""
 
 RESERVED = {
-    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "moving about needs it"),
-    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "the approval panel answers to it"),
-    "ctrl+c": "the terminal's own interrupt",
+    **dict.fromkeys(("tab", "shift+tab", "enter", "up", "down"), "it is needed to move around"),
+    **dict.fromkeys(("r", "m", "a", "alt+c", *READING_KEYS), "it is a key of the approval panel"),
+    "ctrl+c": "the terminal uses it to interrupt",
 }
 _MODIFIERS = frozenset(("ctrl", "shift", "alt", "super", "hyper", "meta"))
 _NAMED = frozenset((*(str(key.value) for key in Keys), *REPLACED_KEYS))
@@ -108,12 +109,14 @@ class ConsoleAction:
     opens_field: bool = False
     """True if the action opens a field for the keys that follow.
 
-    The action then runs at once, so that no letter of a burst is taken for another command.
+    The action then runs at once, so that no letter typed quickly after it is taken for another
+    command.
     """
     confirmed: bool = False
     """True if a printable key only selects the action and Enter confirms it.
 
-    Such a key may begin a text. A function key or a key with Ctrl runs the action at once.
+    A printable key may be the first letter of a text. A function key or a key with Ctrl runs the
+    action at once.
     """
 
     words: str = ""
@@ -123,7 +126,7 @@ class ConsoleAction:
 
     @property
     def action(self) -> str:
-        """The action string of the Textual bindings; one app method serves all controllers."""
+        """The action string for Textual's bindings; one app method carries out all actions."""
         return self.app_action or f"carry_out({self.id!r})"
 
     def refusal(self, now: ActionContext) -> str:
@@ -132,7 +135,7 @@ class ConsoleAction:
 
     @property
     def bindings(self) -> list[Binding]:
-        """The Textual bindings; an urgent action's first key works over every other screen."""
+        """The Textual bindings; an urgent action's first key works on every screen."""
         first, _, others = self.keys.partition(",")
         result = [
             Binding(
@@ -182,7 +185,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("view_assets", "f3,2", "Assets", "Go to the assets", "View"),
     ConsoleAction("view_trace", "f4,3", "Trace", "Go to the trace of the mission", "View"),
     ConsoleAction("view_events", "f5,4", "Events", "Go to the event list", "View"),
-    ConsoleAction("view_alarms", "5", "Alarms", "Go to the alarms and the missions that wait",
+    ConsoleAction("view_alarms", "5", "Alarms", "Go to the alarms and the waiting missions",
                   "View"),
     ConsoleAction("policies", "f6,p", "Policies", "Browse and search the rules", "View",
                   footer=True),
@@ -195,7 +198,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Look at the standing orders and their missions; pause or revoke one", "Mission",
                   words="whenever revoke automatic repeat"),
     ConsoleAction("take_up", "ctrl+n,U", "Take up again",
-                  "Give the last session's standing orders again; each waits for your approval",
+                  "Submit the last session's standing orders again; each waits for your approval",
                   "Mission", needs=(*_COMMAND, "left"),
                   confirmed=True, words="last shift resume"),
     ConsoleAction(
@@ -214,16 +217,17 @@ ACTIONS: tuple[ConsoleAction, ...] = (
         confirmed=True,
     ),
     ConsoleAction(
-        "release", "ctrl+l", "Release stop", "Release the stop, after a question; missions are "
-        "then taken again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
+        "release", "ctrl+l", "Release stop", "Release the stop, after confirmation; missions "
+        "are then accepted again", "Safety", needs=(*_COMMAND, "stopped"), footer=True,
     ),
     ConsoleAction(
-        "take_command", "ctrl+k", "Take command", "Take command from the joined station, after a "
-        "question; this console opens again as the one in command", "Safety",
+        "take_command", "ctrl+k", "Take command", "Take command from the joined station, after "
+        "confirmation; this console then opens again in command", "Safety",
         needs=("live", "commander"), words="takeover epoch station",
     ),
     ConsoleAction(
-        "acknowledge", "k,f12", "Seen", "Acknowledge the alarm at the pointer or the worst new one",
+        "acknowledge", "k,f12", "Seen",
+        "Acknowledge the alarm at the pointer, or the worst new one",
         "Alarms", needs=(*_COMMAND, "unseen"), footer=True,
         confirmed=True,
     ),
@@ -249,7 +253,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
                   "Queue", needs=(*_COMMAND, "queue"),
                   confirmed=True),
     ConsoleAction("mute_agent", "A,ctrl+g", "Mute agent",
-                  "Mute the agent that proposed last and end its proposals, or let it propose "
+                  "Mute the agent that proposed last and cancel its proposals, or let it propose "
                   "again", "Queue", needs=(*_COMMAND, "agents"),
                   confirmed=True, words="mcp agent silence"),
     ConsoleAction("follow", "t", "Follow", "Keep the subject of the alarm at the pointer in view",
@@ -257,7 +261,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("zoom_in", "full_stop,greater_than_sign", "Zoom in", "Zoom the map in", "Map"),
     ConsoleAction("zoom_out", "comma,less_than_sign", "Zoom out", "Zoom the map out", "Map"),
     ConsoleAction("sensors", "v", "Sensors",
-                  "Show the fields of view of cameras, then of assets too, then neither",
+                  "Show the cameras' fields of view, then the assets' too, then none",
                   "Map"),
     ConsoleAction("pan_left", "shift+left", "West", "Look further west", "Map", palette=False),
     ConsoleAction("pan_right", "shift+right", "East", "Look further east", "Map", palette=False),
@@ -270,7 +274,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("prompt", "i,slash", "Mission", "Type a mission", "Mission",
                   needs=("live", "types"), opens_field=True),
     ConsoleAction("history", "ctrl+r", "Earlier orders",
-                  "Search the orders of this and of earlier sessions, to type one again",
+                  "Search the orders of this and earlier sessions, to type one again",
                   "Mission", needs=_COMMAND,
                   words="history past missions"),
     ConsoleAction("favourites", "ctrl+t", "Favourites",
@@ -321,7 +325,7 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("finding_before", "W", "Previous finding",
                   "Jump to the previous finding, override, alarm, refusal or fault", "Replay",
                   needs=("replay",)),
-    ConsoleAction("to_moment", "G", "To a time", "Jump to a time or an event that you type",
+    ConsoleAction("to_moment", "G", "To a time", "Jump to a time or an event number that you type",
                   "Replay", needs=("replay",), footer=True),
     ConsoleAction("search_log", "s", "Search", "Search the texts of the recording", "Replay",
                   needs=("replay",), footer=True),
@@ -399,7 +403,7 @@ def key_text(keys: str) -> str:
 
 
 def refused_command(key: str, keymap: Mapping[str, str]) -> str:
-    """Return the label of the command on `key` in a live session; empty if there is none."""
+    """Return the label of the command that `key` gives in a live session; '' if none."""
     for action in ACTIONS:
         keys = ",".join(own_keys(action, keymap).values()).split(",")
         if "live" in action.needs and key in keys:
@@ -448,13 +452,14 @@ def check_keys(keymap: Mapping[str, str]) -> None:
         for key in _split(name, keys):
             _check_key(name, key)
     taken: dict[str, str] = {}
-    for name in sorted(names, key=lambda known: known in keymap):
+    for name in sorted(names, key=lambda item: item in keymap):
         for key in _split(name, own_keys(names[name], keymap)[name]):
             other = taken.setdefault(key, name)
             if other != name:
                 effect = names[other].help
                 problem = (
-                    f"{key_text(key)} is the key of {other} ({effect}); give one of them another"
+                    f"{key_text(key)} is the key of {other} ({effect}); give one of them another "
+                    "key"
                 )
                 raise KeymapError(name, problem)
 
@@ -470,8 +475,8 @@ def _split(name: str, keys: str) -> list[str]:
 
 def _check_key(name: str, key: str) -> None:
     *modifiers, plain = key.split("+")
-    known = plain in _NAMED or key_to_character(plain) is not None
-    if not known or not _MODIFIERS.issuperset(modifiers):
+    is_key = plain in _NAMED or key_to_character(plain) is not None
+    if not is_key or not _MODIFIERS.issuperset(modifiers):
         raise KeymapError(name, f"“{key}” is not a key; write it like f11, ctrl+x, X or plus")
     if key in RESERVED:
         raise KeymapError(name, f"{key_text(key)} cannot be used: {RESERVED[key]}")

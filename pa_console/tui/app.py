@@ -53,7 +53,7 @@ class VisibleLines(LineFilter):
     """A filter that shows control and invisible characters as escapes; a line keeps its width."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        """Return the line with control and invisible characters as escapes, cut at its width."""
+        """Return the line with control and invisible characters as escapes, cut to its width."""
         del background
         shown = [Segment(visible_line(text), style) for text, style, _ in segments]
         if all(new.text == old.text for new, old in zip(shown, segments, strict=True)):
@@ -73,10 +73,10 @@ Opening = Callable[["ConsoleApp"], None]
 
 
 class ConsoleApp(App[None]):
-    """The console of a live station, or of a player, where every command is refused.
+    """The console of a live station, or of a recording's player, which refuses every command.
 
     `action_carry_out` receives every action of the registry. The handlers at the end of the class
-    receive the messages of widgets. A controller does the work.
+    receive the messages of widgets. Controllers do the work.
     """
 
     TITLE = "PA Console"
@@ -113,11 +113,12 @@ class ConsoleApp(App[None]):
 
         A console that has `joined` another station's session commands no assets. Paths and settings
         that are None are the user's own, in the platform's folders. Rules can be edited if their
-        `rules_file` is given. `opening` shows other screens instead of the session. `usual` has the
-        seconds that each step of a mission usually takes. `to_terminal` receives the control codes
-        that call the operator; by default, they go to the console's own terminal. Orders of the
-        `last` session can be taken up again. The camera stills are stored beside the `log`. Tests
-        replace `clock` and `key_time`. Raises DocumentError if the user's settings are invalid.
+        `rules_file` is given. `opening` shows other screens instead of the session. `usual` maps
+        each step of a mission to its usual duration in seconds. `to_terminal` receives the control
+        codes that call the operator; by default, they go to the console's own terminal. Orders of
+        the `last` session can be taken up again. The camera stills are stored beside the `log`.
+        Tests replace `clock` and `key_time`. Raises DocumentError if the user's settings are
+        invalid.
         """
         self._readable: dict[str, dict[str, str]] = {}
         super().__init__()
@@ -165,7 +166,7 @@ class ConsoleApp(App[None]):
         return VARIABLES
 
     def get_css_variables(self) -> dict[str, str]:
-        """Return the theme's colours; those of text are adjusted to have enough contrast."""
+        """Return the theme's colours, with text colours that are adjusted for enough contrast."""
         theme = self.current_theme
         key = f"{theme.name} {theme.dark}"
         if key not in self._readable:
@@ -176,9 +177,9 @@ class ConsoleApp(App[None]):
     def refresh_css(self, animate: bool = True) -> None:
         """Read all style sheets again, for example for another theme.
 
-        The first call does nothing if the theme is still the constructor's, because the style
-        sheets are first read with its colours. Reading them twice would add a tenth to the time of
-        the first paint.
+        The first call does nothing if the theme has not changed since the constructor, because the
+        style sheets are then read with that theme anyway. Reading them twice would make the first
+        paint take a tenth longer.
         """
         first, self._first_colours = self._first_colours, None
         if first != self.get_css_variables():
@@ -227,7 +228,7 @@ class ConsoleApp(App[None]):
     # The start
 
     def on_mount(self) -> None:
-        """Show the screen first; the session starts after the first paint."""
+        """Show the first screen; the session starts after the first paint."""
         if self._opening is not None:
             self._opening(self)
         else:
@@ -307,7 +308,7 @@ class ConsoleApp(App[None]):
 
     @on(ApprovalPanel.Asked)
     def _asked(self, message: ApprovalPanel.Asked) -> None:
-        if message.what == "modify":
+        if message.wish == "modify":
             self.controllers.approval.modify()
         else:
             self.controllers.approval.compare()

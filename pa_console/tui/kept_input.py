@@ -64,7 +64,7 @@ def history_file() -> Path:
 class History:
     """The typed texts, oldest first, with a cursor that the up and down keys move.
 
-    If `file` is None, nothing is stored. The file has one text a line. A backslash is written as
+    If `file` is None, nothing is stored. The file has one text per line. A backslash is written as
     two backslashes, and a line feed as a backslash and an `n`.
     """
 
@@ -79,7 +79,7 @@ class History:
         self._draft = ""
 
     def add(self, text: str) -> None:
-        """Add `text` as the newest entry, without an earlier copy, and write the file if possible.
+        """Add `text` as the newest entry, remove any earlier copy, and write the file if possible.
 
         Line breaks are kept; blank lines and extra spaces are removed.
         """
@@ -112,7 +112,7 @@ def _written(text: str) -> str:
 
 
 def _read(line: str) -> str:
-    return _WRITTEN.sub(lambda found: "\n" if found[1] == "n" else found[1], line)
+    return _WRITTEN.sub(lambda escape: "\n" if escape[1] == "n" else escape[1], line)
 
 
 def export_folder() -> Path:

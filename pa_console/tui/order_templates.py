@@ -12,7 +12,7 @@ from pa_console.schema.world import KINDS, PLAIN_KINDS, AssetKind, World
 _SLOT = re.compile(r"\{([a-z]+)\}")
 
 LEAST_TYPED = 2
-"""The least number of letters to complete as a name; fewer begin too many other words."""
+"""The minimum number of letters that are completed to a name; fewer match too many words."""
 
 MOST_EXAMPLES = 4
 

@@ -59,7 +59,7 @@ def keep_first(app: App[Any], frame: OpeningFrame) -> None:
 
 
 def _frame_lines(app: App[Any], prompt: Widget) -> list[str]:
-    """Return the lines of the present screen, with OPENING at the start of `prompt`."""
+    """Return the lines of the current screen, with OPENING at the start of `prompt`."""
     strips = app.screen._compositor.render_strips()  # pyright: ignore[reportPrivateUsage]
     x, y = prompt.content_region.offset
     line, width = strips[y], min(prompt.content_region.width, app.size.width - x)

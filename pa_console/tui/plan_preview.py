@@ -19,7 +19,7 @@ from pa_console.session.mission_trace import MissionTrace
 from pa_console.tui.surroundings import SecondsClock
 
 MOVED_M = 1.0
-"""The distance from its start up to which an asset counts as not moved, in metres."""
+"""The maximum distance from its start, in metres, of an asset that counts as not moved."""
 
 LONGEST_S = 8.0
 """The longest playback of a rehearsal, in seconds."""
@@ -119,7 +119,7 @@ class PlanPreview:
 
     @cached_property
     def arrivals(self) -> Mapping[str, tuple[str, ...]]:
-        """The agents that arrive at each place, soonest first, without those already there."""
+        """The agents that arrive at each place, soonest first, except those already there."""
         agents: dict[str, list[str]] = {}
         for action in self.plan.actions:
             if not self.is_there(action):

@@ -24,7 +24,7 @@ from pa_console.station.assembly import SessionSites
 class OpenedLog:
     """A recording with its world and its rules; without its world, it has no map.
 
-    `note` names damage to the log, and a world or rules that are missing or have changed since.
+    `note` describes damage to the log, and a world or rules that are missing or have changed since.
     """
 
     name: str
@@ -67,7 +67,7 @@ def index_folder() -> Path:
 def log_of_run(name: str, folder: Path) -> Path:
     """Return the path of the log `name` in an evaluation's `folder`; raise ValueError if absent."""
     if not name:
-        raise ValueError("this run kept no log; without --no-logs the next one will")
+        raise ValueError("this run kept no log; run the evaluation without --no-logs to keep logs")
     log = folder / name
     if not log.is_file():
         raise ValueError(f"{log}: the log of this run is missing; run the mission again to see it")
@@ -96,18 +96,18 @@ def open_log(
     return PlayableLog(log.name, recording, world, rules, "; ".join(notes))
 
 
-def open_compared(log: Path, known: KnownWorld, progress: Progress | None = None) -> OpenedLog:
-    """Open a session log for a comparison with a recording of the world `known`.
+def open_compared(log: Path, own: KnownWorld, progress: Progress | None = None) -> OpenedLog:
+    """Open a session log for a comparison with a recording of the world `own`.
 
-    The log's world is the known one if their hashes are equal. Otherwise, it is the world of the
+    The log's world is `own` if their hashes are equal. Otherwise, it is the world of the
     evaluation that has the log, or else the installed world of the same name. A log without a world
     can be compared too. Raises DocumentError for a log or world that cannot be read.
     """
     recording = Recording.read(log, progress, cache=index_folder())
     started = recording.started
     rules, notes = _rules(recording, started)
-    if started.world_sha256 == known.sha256:
-        return OpenedLog(log.name, recording, known.world, rules, "; ".join(notes))
+    if started.world_sha256 == own.sha256:
+        return OpenedLog(log.name, recording, own.world, rules, "; ".join(notes))
     file = SessionSites().world_file(started, log)
     world = _world(started, None) if file is None else open_world(str(file))[0]
     if world is None:
@@ -123,7 +123,7 @@ def _rules(recording: Recording, started: SessionStarted) -> tuple[dict[str, Rul
     try:
         book = load_rules(find_data("rules", started.rules, "rules.yaml"))
     except (DocumentError, OSError):
-        notes.append(f"the rules “{started.rules}” of this session are not here: ids without texts")
+        notes.append(f"the rules “{started.rules}” of this session are not here: only ids shown")
         return {}, notes
     if book.sha256 != started.rules_sha256:
         notes.append("the rules have changed since this session")

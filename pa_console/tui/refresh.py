@@ -7,7 +7,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 
 FRAME_S = 0.12
-"""The least wall time between two repaints, in seconds: about eight a second at any event rate."""
+"""The minimum wall time between two repaints, in seconds: at most about eight repaints a second."""
 
 ALL_VIEWS: frozenset[str] = frozenset(("status", "map", "assets", "alarms", "trace", "events"))
 

@@ -41,4 +41,4 @@ class InForce(NamedTuple):
 
 
 ShownRules = Rulebook | InForce
-"""The rules in force: those at the start of the console, or those after a change."""
+"""The rules in force, as they were at the console's start or as changed since."""

@@ -76,11 +76,11 @@ async def edit_outside(screen: Screen[Any], command: list[str], text: str) -> st
         except OSError as error:
             raise ValueError(f"{command[0]}: {error.strerror}") from error
         if code != 0:
-            raise ValueError(f"{command[0]} ended with code {code}: the draft is as it was")
+            raise ValueError(f"{command[0]} ended with code {code}: the draft is unchanged")
         try:
             return read_text(file)
         except DocumentError as error:
-            raise ValueError(f"what the editor left cannot be read: {error}") from error
+            raise ValueError(f"the text from the editor cannot be read: {error}") from error
 
 
 @contextmanager
@@ -93,4 +93,4 @@ def _keyboard_interrupts_left_to_the_editor() -> Generator[None]:
 
 
 def _nothing(_number: int, _frame: FrameType | None) -> None:
-    """Ignore an interrupt; a child process does not inherit this handler, as it would SIG_IGN."""
+    """Ignore an interrupt; unlike SIG_IGN, this handler is not inherited by a child process."""

@@ -72,7 +72,7 @@ THEMES = (
 
 
 LEAST = 4.5
-"""The least contrast ratio of text and background, from WCAG 2 AA."""
+"""The minimum contrast ratio of text and background, from WCAG 2 AA."""
 
 TEXTS = (
     "foreground", "text-primary", "text-success", "text-warning", "text-error", "text-accent",
@@ -84,7 +84,7 @@ GROUNDS = ("background", "surface", "panel")
 """The names of the backgrounds of text."""
 
 BADGES = {"primary": 0.22, "success": 0.22, "accent": 0.22, "error": 0.25}
-"""The fills behind a sign in the text colour of the same name, and that colour's share in each."""
+"""The share of each colour in the fill behind a sign whose text has the colour of that name."""
 
 FILLS = ("primary", "success", "warning", "error", "accent", "quiet")
 """The solid fills; a sign on one of them is black or white."""
@@ -110,11 +110,11 @@ _ANSI = {
         "on-error": "ansi_bright_white", "on-accent": "ansi_black", "on-quiet": "ansi_bright_white",
     },
 }  # fmt: skip
-"""Variables for themes that use the terminal's colours, by whether the theme is dark."""
+"""Variables for themes that use the terminal's colours; the key is True for a dark theme."""
 
 
 def luminance(colour: Color) -> float:
-    """Return the relative luminance of a colour, 0 to 1, as WCAG 2 defines it."""
+    """Return the relative luminance of a colour, from 0 to 1, as WCAG 2 defines it."""
     red, green, blue = (
         part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
         for part in (colour.r / 255, colour.g / 255, colour.b / 255)
@@ -123,17 +123,17 @@ def luminance(colour: Color) -> float:
 
 
 def contrast(first: Color, second: Color) -> float:
-    """Return the contrast ratio of two colours, 1 to 21."""
+    """Return the contrast ratio of two colours, from 1 to 21."""
     darker, lighter = sorted((luminance(first), luminance(second)))
     return (lighter + 0.05) / (darker + 0.05)
 
 
 def readable(variables: Mapping[str, str], *, dark: bool, ansi: bool) -> dict[str, str]:
-    """Return `variables` with text colours that are readable on all backgrounds, and sign fills.
+    """Return `variables` with text colours readable on all backgrounds, and fills for signs.
 
     A text colour keeps its hue and moves towards white or black only as far as necessary. The
-    values of a terminal's sixteen colours are unknown, so themes that use them (`ansi`) get names
-    that differ on usual palettes.
+    values of a terminal's sixteen colours are unknown, so themes that use them (`ansi`) get colour
+    names that look different on usual palettes.
     """
     if ansi:
         return {**variables, **_ANSI[dark]}

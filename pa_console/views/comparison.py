@@ -24,7 +24,7 @@ ABSENT = "(absent)"
 TICK = "tick"
 ENDED = "the recording ends here"
 _PINS = frozenset(("world_sha256", "rules_sha256", "model_sha256", "scenario_sha256"))
-"""Hashes of the files that a session was started with."""
+"""The fields with hashes of the files that a session was started with."""
 _COUNTS = frozenset(("attempts", "plans", "halts"))
 _LEFT_OUT: dict[type[BaseModel], frozenset[str]] = {
     SessionStarted: frozenset(("session", "version", "packages")),
@@ -57,7 +57,7 @@ class EventDifference:
 
 @dataclass(frozen=True)
 class SessionComparison:
-    """The differences in the start of two sessions, and the first event that differs.
+    """The differences at the start of two sessions, and the first event that differs.
 
     If that event is telemetry, or differs only in its tick, `beyond` is the first event with
     another difference, or None if there is none.
@@ -76,8 +76,9 @@ class SessionComparison:
 def compare_sessions(
     a: Recording, b: Recording, progress: Callable[[int, int], None] | None = None
 ) -> SessionComparison:
-    """Compare two recordings event by event; `progress` gets the events done and the total.
+    """Compare two recordings event by event.
 
+    `progress` receives the number of compared events and the total number of events.
     Raises LogError if a log can no longer be read.
     """
     began = int(all(len(r) and isinstance(r[0].data, SessionStarted) for r in (a, b)))
@@ -97,7 +98,7 @@ def compare_sessions(
 
 
 def _is_timing(a: Recording, b: Recording, difference: EventDifference) -> bool:
-    """Return True for a difference of telemetry, or of the tick only."""
+    """Return True for a difference in telemetry, in the tick only, or in length."""
     if difference.a >= len(a) or difference.b >= len(b):
         return True
     telemetry = a.timeline.is_telemetry(difference.a) or b.timeline.is_telemetry(difference.b)
@@ -105,7 +106,7 @@ def _is_timing(a: Recording, b: Recording, difference: EventDifference) -> bool:
 
 
 def _beyond(a: Recording, b: Recording, first: int) -> EventDifference | None:
-    """Return the first difference from event `first` on, except in telemetry and ticks."""
+    """Return the first difference from event `first` on that is not in telemetry or ticks."""
     events = (r.timeline.without_telemetry(first, len(r)) for r in (a, b))
     for at, bt in zip_longest(*events):
         if at is None or bt is None or not _same(a, at, b, bt, ticks=False):

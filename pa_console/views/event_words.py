@@ -1,4 +1,4 @@
-"""Every event as one short line, plans with steps in words, and a search in a recording."""
+"""Every event as a short line, plans with steps in words, and the search of a recording."""
 
 import json
 from collections.abc import Collection, Iterator, Sequence
@@ -32,13 +32,13 @@ _REACTIONS: dict[Reaction, str] = {
 }
 
 AROUND = 60
-"""The number of characters that are shown with a hit."""
+"""The number of characters of an event that are shown with a hit."""
 MOST_AWAITED = 2
-"""The largest number of awaited actions that are named; more are only counted."""
+"""The maximum number of awaited actions that are named; more are only counted."""
 
 
 def incident_truth_in_words(incident: Incident) -> str:
-    """Return the whole `incident`, with a track's true properties, for the reader of a script."""
+    """Return `incident` in full, with a track's true properties, for a reader of the script."""
     match incident:
         case SpawnTrack(name=name, track=track, gate=gate):
             subject = f"a {track}{f' ({name})' if name else ''} appears on the lane to {gate}"
@@ -52,7 +52,7 @@ def incident_truth_in_words(incident: Incident) -> str:
 
 
 def safety_in_words(declared: Sequence[Action]) -> str:
-    """Return a plan's declared way to safety: the assets that go back, and those that hold."""
+    """Return a plan's way to safety in words: the assets that go back, and those that hold."""
     back: dict[str, list[str]] = {}
     for action in declared:
         frames = back.setdefault(action.agent, []) if action.target is not None else []
@@ -84,7 +84,7 @@ def trigger_in_words(order: StandingOrder) -> str:
 
 
 def moments_in_words(moments: Sequence[datetime]) -> str:
-    """Return moments of the station's clock with its zone, and with the day where it changes."""
+    """Return moments of the station's clock with their zone, and the weekday if the day changes."""
     parts = list[str]()
     for before, at in zip((None, *moments), moments, strict=False):
         same = before is None or before.date() == at.date()
@@ -106,8 +106,8 @@ def next_in_words(scheduled: ev.StandingOrderScheduled | None, now_s: float) -> 
 def asked_in_words(order: StandingOrder, allowed: Collection[str] | None = None) -> str:
     """Return the approval that missions started by `order` need.
 
-    `allowed` are the commands that the rules let it start without approval; None if they are
-    unknown.
+    `allowed` are the commands that the rules let the order start without approval; None if they
+    are unknown.
     """
     if not order.unasked:
         return "each mission waits for your approval"

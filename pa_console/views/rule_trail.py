@@ -98,8 +98,9 @@ def _track(track: Track, now_s: float) -> str:
 class RuleUse:
     """The use of one rule in one mission.
 
-    `decided` has the attempts on which its check decided, with the findings; `prescribed` has the
-    tracks whose workflow it prescribes. A mission that it `refused` was never planned.
+    `decided` has the attempts that the rule's check decided on, with the findings; `prescribed` has
+    the tracks whose workflow the rule prescribes. A mission that the rule `refused` was never
+    planned.
     """
 
     mission: str
@@ -176,9 +177,9 @@ class Trail:
     mission: Mission
     entries: tuple[TrailEntry, ...]
 
-    def did(self, *what: RuleDeed) -> bool:
+    def did(self, *deeds: RuleDeed) -> bool:
         """Return True if any of these effects is among the entries."""
-        return any(entry.did in what for entry in self.entries)
+        return any(entry.did in deeds for entry in self.entries)
 
 
 def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
@@ -255,7 +256,7 @@ def _did(finding: Finding) -> RuleDeed:
 
 
 def _about(rule_id: str, reasons: Iterable[str]) -> Iterator[str]:
-    """Yield the texts of the reasons that begin with the rule's id."""
+    """Yield the reasons that begin with the rule's id, without the id."""
     for reason in reasons:
         if reason.startswith(f"{rule_id}: "):
             yield reason.removeprefix(f"{rule_id}: ")

@@ -40,7 +40,7 @@ class AlarmView(BaseModel):
 
 
 class StandingView(BaseModel):
-    """A standing order in force; a timed one has its next moment, and may be paused."""
+    """A standing order in force; a timed order also has its next moment, and may be paused."""
 
     order: StandingOrder
     by: str

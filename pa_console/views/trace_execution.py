@@ -178,7 +178,7 @@ def report_table(report: str) -> TraceTable:
     for line in filter(None, (line.strip() for line in report.splitlines())):
         action, labelled = _ACTION.fullmatch(line), _LABEL.fullmatch(line)
         if action is not None:
-            rows.append([action["what"], action["text"] or "no telemetry was looked at"])
+            rows.append([action["what"], action["text"] or "no telemetry was checked"])
         elif labelled is not None:
             rows.append([labelled["what"], labelled["text"]])
         elif line.startswith("All gates covered"):

@@ -29,7 +29,7 @@ from pa_console.views.trace_parts import (
 from pa_console.views.trace_planning import Rules
 
 _MOST_LABEL = 15
-"""The largest width of the labels in an answer, in cells."""
+"""The maximum width of the labels in an answer, in cells."""
 STEPS = (
     "submit", "understand", "retrieve", "plan", "examine", "judge", "decide", "execute",
     "verify", "report",
@@ -133,7 +133,7 @@ def _not_chosen(
 
 
 def _heading(attempt: Attempt, section: TraceSection, parts: list[TraceSection]) -> TraceSection:
-    """Add the parts of an attempt to its section, after its origin and the reasons of a repair."""
+    """Add the parts of an attempt to its section, after its origin and the reasons for a repair."""
     blocks: list[Block] = []
     if origin := attempt.origin.removeprefix(", "):
         blocks.append(statement(origin, "quiet"))
@@ -261,12 +261,12 @@ def headline(trace: MissionTrace) -> tuple[Spans, ...]:
 
 
 def step_name(trace: MissionTrace) -> str:
-    """Return the mission's present step; its stage if it is queued or finished."""
+    """Return the mission's current step; its stage if it is queued or finished."""
     return _STEPS_OF_STAGES.get(trace.stage, trace.stage)
 
 
 def step_of(trace: MissionTrace) -> int:
-    """Return the number of the mission's present step; 0 if it is queued or finished."""
+    """Return the number of the mission's current step; 0 if it is queued or finished."""
     name = step_name(trace)
     return STEPS.index(name) + 1 if name in STEPS else 0
 
@@ -319,7 +319,7 @@ def by_track(trace: MissionTrace) -> dict[str, list[WorkflowMoved]]:
 
 
 def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
-    """Return every phase of every workflow, its present command and its outcome."""
+    """Return every phase of every workflow, its current command and its outcome."""
     blocks: list[Block] = []
     for moves in by_track(trace).values():
         move = moves[-1]
@@ -340,7 +340,7 @@ def workflow(trace: MissionTrace, options: TraceOptions) -> TraceSection:
 
 
 def standing_order(read: StandingOrderRead) -> TraceSection:
-    """Return the reading of a standing order: its condition, order and immediate starts."""
+    """Return the reading of a standing order: condition, order, and missions to start now."""
     order = read.order
     timed = order.schedule is not None
     if order.ban is not None:

@@ -66,9 +66,10 @@ class TraceLine:
 class Column:
     """One column of a table.
 
-    `width` is the least width of the cells of an aligned column; columns without one follow each
-    other. A column with `below`, in cells of indent, has long texts that may be placed under their
-    rows. A column without a `head` is only a decoration and is left out of documents.
+    `width` is the minimum width of the cells of an aligned column; columns without one follow each
+    other. `below` is the indent in cells of a column with long texts, which may be placed under
+    their rows; it is 0 for other columns. A column without a `head` is only a decoration and is
+    left out of documents.
     """
 
     head: str

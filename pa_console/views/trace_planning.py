@@ -50,7 +50,7 @@ _JSON_PART = re.compile(
 )
 _JSON_TONES: Mapping[str, Tone] = {"name": "note", "text": "calm", "value": "good", "sign": "quiet"}
 MOST_GATES = 12
-"""The most gates that a rehearsal lists in full; of more, it lists only the affected ones."""
+"""The maximum number of gates that a rehearsal lists in full; of more, it lists those affected."""
 
 
 def retrieved_rules(trace: MissionTrace, rules: Rules, options: TraceOptions) -> TraceSection:
@@ -305,7 +305,7 @@ def _affected(attempt: Attempt, timeline: Timeline) -> dict[str, GateTimeline]:
 
 
 def _tracks(timeline: Timeline) -> TraceTable:
-    """Return the times of the actions on each track, and the least distance of an asset to it."""
+    """Return the times of the actions on each track, and the shortest distance of an asset."""
     columns = (Column("track", 11), Column("rehearsed", tone="quiet"))
     return table(columns, ((name, _track(line)) for name, line in timeline.tracks.items()))
 

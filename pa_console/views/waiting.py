@@ -1,7 +1,7 @@
 """The current work on one line: a mission's running step, and the reading of a typed order.
 
-A step has its time so far and its usual time, in seconds of the caller's clock; a replay shows
-neither. The reading of an order that is still being typed is never an approval.
+A step is shown with its time so far and its usual time, in seconds of the caller's clock; a replay
+shows neither. The reading of an order that is still being typed is never an approval.
 """
 
 import json
@@ -39,13 +39,13 @@ WORK = {
 """The line for each stage that runs without the operator."""
 
 SHOWN_AFTER_S = 0.3
-"""Seconds before a step is shown; a shorter step would be over before its name can be read."""
+"""Seconds before a step is shown, because a shorter step ends before its name can be read."""
 
 _REMEMBERED = 20
 _LEAST = 3
-"""The measured durations that are needed before their median counts as the usual time."""
+"""The minimum number of measured durations for their median to count as the usual time."""
 _CHARACTERS = 3.5
-"""Characters per token, until an answer reports its number of tokens."""
+"""Characters per token, assumed until an answer reports its number of tokens."""
 
 NOT_UNDERSTOOD = "not understood: "
 MOST_STEPS = 4
@@ -53,7 +53,7 @@ MOST_STEPS = 4
 
 
 class Waiting:
-    """A clock for the steps of the active mission; `usual` has seconds by step, if known."""
+    """A clock for the steps of the active mission; `usual` maps steps to seconds, if known."""
 
     def __init__(self, usual: Mapping[str, float] | None = None) -> None:
         stored = (usual or {}).items()
@@ -64,7 +64,7 @@ class Waiting:
         self._written = 0
         self._characters, self._tokens = 0, 0
         self._after_judge = ""
-        """The work that follows the judge's verdict; '' before the verdict."""
+        """The step that follows the judge's verdict; '' before the verdict."""
 
     def take(self, event: ev.Event, state: SessionState, now: float) -> None:
         """Process an event, already applied to `state`, at time `now`."""
@@ -98,7 +98,7 @@ class Waiting:
         return trace.mission.id, step
 
     def usual_s(self, step: str) -> float | None:
-        """Return the usual seconds of `step`, from the times it was waited for; None if unknown."""
+        """Return the usual seconds of `step`, as measured or stored; None if unknown."""
         taken = self._taken.get(step, ())
         if len(taken) >= _LEAST or (taken and step not in self._stored):
             return median(taken)
@@ -116,12 +116,12 @@ class Waiting:
 
     @property
     def tokens(self) -> int:
-        """The approximate number of tokens of the present answer so far."""
+        """The approximate number of tokens of the current answer so far."""
         characters_per_token = self._characters / self._tokens if self._tokens else _CHARACTERS
         return round(self._written / characters_per_token)
 
     def line(self, now: float, state: SessionState, rate: float = 1.0) -> str:
-        """Return the running step, its time so far and its usual time in words; '' for none.
+        """Return the running step, its time so far and its usual time; '' if none runs.
 
         The usual time of a plan's execution is that of its rehearsal, at `rate` simulated seconds
         per second.
@@ -177,7 +177,7 @@ def load_usual(path: Path, model: str) -> dict[str, float]:
 
 
 def save_usual(path: Path, model: str, usual: Mapping[str, float]) -> None:
-    """Save the usual seconds by step for `model`; if the file cannot be written, skip it."""
+    """Save the usual seconds by step for `model`; do nothing if the file cannot be written."""
     kept = {step: taken for step, taken in usual.items() if step in WORK}
     if not kept:
         return

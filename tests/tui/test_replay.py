@@ -153,9 +153,9 @@ def test_moments_are_read_in_every_way_that_is_offered() -> None:
     assert read_position("-99", tape) == 0
     assert read_position("@09:30:03", tape) == 4
     assert read_position("@09:29", tape) == last.count_until(duration)
-    with pytest.raises(ValueError, match="is no moment"):
+    with pytest.raises(ValueError, match="is not a time"):
         read_position("later", tape)
-    with pytest.raises(ValueError, match="is no moment"):
+    with pytest.raises(ValueError, match="is not a time"):
         read_position("101%", tape)
 
 
@@ -163,7 +163,7 @@ async def test_a_moment_that_is_none_is_told_and_can_be_mended(show: Show) -> No
     tape = player()
     async with show(None, size=SIZE, player=tape) as (app, pilot, _, _):
         await press(pilot, "G", *"soon", "enter")
-        assert "is no moment" in str(app.screen.query_one("#ask-note", Static).render())
+        assert "is not a time" in str(app.screen.query_one("#ask-note", Static).render())
         app.screen.query_one(Input).value = "#2"
         await press(pilot, "enter")
         assert tape.index == 2

@@ -32,7 +32,7 @@ async def test_the_policy_browser_names_version_hash_and_standing(show: Show) ->
     ("seal", "words"),
     [
         (ALTERED, "RULES ALTERED"),
-        (RulesSeal(accepted="not signed"), "RULES ACCEPTED, NOT VOUCHED FOR"),
+        (RulesSeal(accepted="not signed"), "RULES ACCEPTED, NOT VERIFIED"),
         (RulesSeal(no_critical_check=True), "RULES: NO CRITICAL CHECK"),
         (RulesSeal(), ""),
     ],

@@ -164,7 +164,7 @@ async def test_what_cannot_be_used_does_not_keep_the_console_from_starting(
         ({"stopp": "f11"}, "did you mean stop"),
         ({"stop": "f8"}, "F8 is the key of cancel"),
         ({"stop": "a"}, "the approval panel"),
-        ({"stop": "enter"}, "moving about"),
+        ({"stop": "enter"}, "needed to move"),
         ({"stop": "f99"}, "“f99” is not a key"),
         ({"stop": ""}, "expected key names"),
         ({"stop": "f11", "cancel": "f11"}, "F11 is the key of"),

@@ -1,4 +1,4 @@
-"""Plans side by side: the waiting plan, plans for other readings, and other ways to do the same."""
+"""Plans side by side: the waiting plan, plans for other readings, and more for the same one."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -41,8 +41,8 @@ class ComparedPlan:
     """A rehearsed plan in a comparison.
 
     `decision` is the decision that chooses the plan; it is None for the waiting plan. If no plan
-    waits, `order` is an order for the plan, or '' for the mission's last plan. `judge` and `sure`
-    are the judge's verdict and the confidence, if there are any.
+    waits, `order` is the order to type for this plan, or '' for the mission's last plan. `judge` is
+    the judge's opinion in words, and `sure` the confidence in the reading, if they are known.
     """
 
     title: str
@@ -70,13 +70,13 @@ def past_candidate(trace: MissionTrace, attempt: Attempt, world: World) -> Compa
 
 
 def waiting_candidate(trace: MissionTrace, preview: PlanPreview) -> ComparedPlan:
-    """Return the plan that waits for a decision, as a plan to compare."""
+    """Return the plan that waits for a decision, for comparison with others."""
     request = trace.approval
     attempt = trace.find(request.attempt) if request is not None else None
     broken = (*request.blocked_by, *request.acknowledge) if request is not None else ()
     return ComparedPlan(
         "The plan that waits",
-        plain_reading(said_of(trace)),
+        plain_reading(canonical_reading(trace)),
         preview,
         broken,
         judge=_judged(attempt) if attempt is not None else "",
@@ -90,8 +90,8 @@ def _judged(attempt: Attempt) -> str:
     return "objects" if attempt.verdict.verdict == "Failure" else "does not object"
 
 
-def said_of(trace: MissionTrace) -> str:
-    """Return the reading of the waiting plan in canonical words, '' without one."""
+def canonical_reading(trace: MissionTrace) -> str:
+    """Return the reading of the waiting plan in canonical words; '' if no plan waits."""
     request = trace.approval
     if request is None:
         return ""
@@ -115,7 +115,7 @@ def other_reading(
 def other_way(
     number: int, asked: str, rehearsed: RehearsedReading, world: World, request_id: str | None
 ) -> ComparedPlan:
-    """Return another plan for the same reading; without a request, it has an order to type."""
+    """Return another plan for the same reading; if no request waits, it has an order to type."""
     decision = None
     if request_id is not None:
         decision = Decision(
@@ -161,7 +161,7 @@ def _battery(preview: PlanPreview) -> str:
 
 
 class CandidateColumn(VerticalScroll, can_focus=True):
-    """The column of one plan, which scrolls by itself."""
+    """The column of one plan; each column scrolls separately."""
 
     def __init__(self, candidate: ComparedPlan) -> None:
         super().__init__(classes="candidate")
@@ -178,7 +178,7 @@ class CandidateColumn(VerticalScroll, can_focus=True):
 
 
 class PlanComparison(Screen[ComparedPlan | None]):
-    """Plans in columns, or in a list on narrow terminals; Enter chooses the one at the pointer.
+    """Plans in columns, or in a list on narrow terminals; Enter chooses the plan at the pointer.
 
     The screen approves nothing: the chosen plan is checked, judged and proposed to the operator
     like any other plan. The result is the chosen plan, or None.
@@ -222,7 +222,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         return list(self.query(CandidateColumn).results(CandidateColumn))
 
     def on_mount(self) -> None:
-        """Point at the first plan, and begin the search for others."""
+        """Point at the first plan, and begin the search for other plans."""
         self.columns[0].focus()
         self.tell("looking for other plans; Esc stops the search")
         self._begin(self)
@@ -236,7 +236,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         self.set_class(event.size.width < LIST_CELLS, "-list")
 
     def add(self, candidate: ComparedPlan) -> None:
-        """Show one more plan; the pointer stays."""
+        """Show one more plan; the pointer does not move."""
         self.query_one("#comparison-plans", Horizontal).mount(CandidateColumn(candidate))
 
     def tell(self, text: str) -> None:
@@ -251,7 +251,7 @@ class PlanComparison(Screen[ComparedPlan | None]):
         self.action_point_at((self._pointed(columns) + by) % len(columns))
 
     def action_point_at(self, number: int) -> None:
-        """Point at a plan by its number, 0 for the first; do nothing if there is none."""
+        """Point at the plan with this number, 0 for the first; do nothing if there is none."""
         for column in self.columns[number : number + 1]:
             column.focus()
 
@@ -259,6 +259,6 @@ class PlanComparison(Screen[ComparedPlan | None]):
         return next((n for n, column in enumerate(columns) if column.has_focus), 0)
 
     def action_choose(self) -> None:
-        """Return the plan at the pointer; the waiting plan stays as it is."""
+        """Return the plan at the pointer as the result; the waiting plan is not changed."""
         columns = self.columns
         self.dismiss(columns[self._pointed(columns)].candidate)

@@ -17,7 +17,7 @@ from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 _FREE_KEYS = ("tab", "shift+tab", "escape", "pageup", "pagedown")
 DECISION_KEYS = {"r": "reject", "m": "modify", "a": "approve"}
-"""The button that each letter key of the panel selects; Enter presses it."""
+"""The id of the button that each letter key of the panel selects; Enter presses the button."""
 
 REASON = "approval-reason"
 
@@ -36,12 +36,12 @@ class DecisionButtons(Horizontal):
         yield Button(self._approve, id="approve", variant="success", compact=True)
 
     def of(self, name: str) -> Button:
-        """Return the button that `DECISION_KEYS` names."""
+        """Return the button with the id `name`, as in `DECISION_KEYS`."""
         return self.query_one(f"#{name}", Button)
 
 
 def is_free(key: str) -> bool:
-    """Return whether a key never decides anything, so that it works before the panel is armed."""
+    """Return True for a key that decides nothing and so works before the panel is armed."""
     return key in _FREE_KEYS or (key[0] == "f" and key[1:].isdigit())
 
 
@@ -65,7 +65,7 @@ class GivenFields(VerticalScroll, can_focus=False):
         super().__init__(id="approval-given")
 
     def compose(self) -> ComposeResult:
-        """Yield the reading of the order, its other meanings, and the boxes."""
+        """Yield the rows of the readings, the buttons and the boxes, all still empty."""
         yield TextRows(id="approval-reading")
         yield Vertical(id="approval-readings")
         yield TextRows(id="approval-looked-at")
@@ -90,7 +90,7 @@ class GivenFields(VerticalScroll, can_focus=False):
         )
 
     def show_reading(self, rows: Sequence[WrappedRow]) -> None:
-        """Show the consequences of the selected reading; without rows, show nothing."""
+        """Show `rows`, the consequences of the selected reading; hide them if empty."""
         self.query_one("#approval-looked-at", TextRows).show(tuple(rows))
 
     @property
@@ -100,18 +100,18 @@ class GivenFields(VerticalScroll, can_focus=False):
 
     @property
     def unticked(self) -> list[CheckBox]:
-        """The boxes that are not ticked yet; the name of each box is its rule."""
+        """The boxes that are not ticked yet; each box has the id of its rule as its name."""
         return [box for box in self.query(CheckBox) if not box.ticked]
 
 
 class ReasonField(LineField):
-    """The line below a plan, for the reason for a decision or for an answer to a question."""
+    """The field below a plan for the reason for a decision, or for the answer to a question."""
 
     def __init__(self) -> None:
         super().__init__(id=REASON, select_on_focus=False)
 
     def ask(self, request: ApprovalRequested) -> None:
-        """Clear the field, and show its purpose there."""
+        """Clear the field, and show its purpose in it."""
         self.value = ""
         if request.needs_override and not request.blocked_by:
             self.placeholder = "Why override the judge? (required)"
@@ -121,8 +121,8 @@ class ReasonField(LineField):
             self.placeholder = "Reason (optional)"
 
     @property
-    def said(self) -> str:
-        """The text of the field without surrounding spaces."""
+    def text(self) -> str:
+        """The text of the field, without spaces around it."""
         return self.value.strip()
 
     def add(self, text: str) -> None:
@@ -139,8 +139,8 @@ def may_modify(request: ApprovalRequested) -> bool:
 def decision_of(request: ApprovalRequested, button: Button, reason: str) -> Decision | None:
     """Return the decision that a button makes about the waiting request; None if it makes none.
 
-    An approval accepts and overrides everything that the request asks for. The panel checks
-    beforehand that the operator has done so.
+    An approval acknowledges and overrides everything that the request asks for. The panel has
+    checked that the operator ticked every box and gave any reason that is required.
     """
     if isinstance(button, MeaningButton):
         if button.answers:
@@ -161,7 +161,7 @@ def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str)
     if request.state == "not_understood":
         return "✘ Approve: not understood, nothing is proposed"
     if request.blocked_by:
-        return "✘ Approve: blocked, nobody may override"
+        return "✘ Approve: blocked, nobody may override it"
     if left:
         return f"✘ Approve: tick {', '.join(left)} first"
     if request.needs_override and not reason.strip():
@@ -170,7 +170,7 @@ def blocked_reason(request: ApprovalRequested, left: Sequence[str], reason: str)
 
 
 def not_to_sign(joined: JoinedTo, request: ApprovalRequested, made: Iterable[DecisionMade]) -> str:
-    """Return the reason why there is nothing to sign for another station; empty if there is.
+    """Return the reason why another station needs no signature from here; empty if it needs one.
 
     `made` are the decisions of the mission so far.
     """

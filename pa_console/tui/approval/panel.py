@@ -39,7 +39,7 @@ from pa_console.tui.widgets.fields import CheckBox
 from pa_console.tui.widgets.still import ReadStill, StillView
 
 ARM_DELAY_S = 0.6
-"""The seconds without a key after which the panel takes keys; the user may change them.
+"""The default number of seconds without a key press after which the panel accepts keys.
 
 A key that is pressed earlier is dropped and restarts the delay.
 """
@@ -50,9 +50,9 @@ _TITLE_MARGIN = 4
 class ApprovalPanel(Vertical, can_focus=True):
     """The panel to reject, modify or approve a plan, or to choose another reading of the order.
 
-    The panel posts decisions as messages and changes nothing itself. If no key may decide, the
-    panel itself has the focus: Enter does nothing there, and letters work as they do at its
-    buttons. In a recording or a read-only console, it shows the plan without buttons.
+    The panel posts decisions as messages and changes nothing itself. While no key may decide,
+    the panel itself has the focus: Enter then does nothing, and letters have the same effect as at
+    the buttons. In a recording or a read-only console, it shows the plan without buttons.
     """
 
     BINDINGS = [
@@ -82,11 +82,11 @@ class ApprovalPanel(Vertical, can_focus=True):
     class Asked(Message):
         """Posted when the operator asks to change the plan, compare plans or play a rehearsal."""
 
-        what: Literal["modify", "compare", "play"]
+        wish: Literal["modify", "compare", "play"]
 
     @dataclass
     class LookedAt(Message):
-        """Posted when the operator looks at another reading, or with '' at the plan again."""
+        """Posted when the operator looks at another reading; `asked` is '' for the plan itself."""
 
         asked: str
 
@@ -98,7 +98,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         joined: JoinedTo | None = None,
         read_still: ReadStill = lambda _: None,
     ) -> None:
-        """Build a panel that countersigns plans of a `joined` session, or else decides.
+        """Build a panel that countersigns plans of a `joined` session, or else decides on plans.
 
         `read_still` returns the file of a still.
         """
@@ -110,7 +110,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._still = StillView(read_still)
         self._reason, self._buttons = ReasonField(), DecisionButtons(joined=joined is not None)
         self.arm_delay_s = ARM_DELAY_S
-        """The seconds without a key after which the panel takes keys."""
+        """The seconds without a key press after which the panel accepts keys."""
         self._clock, self._quiet_since = clock, 0.0
         self._sent = False
         """True if a decision about the shown plan was sent."""
@@ -118,7 +118,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._shown: tuple[object, ...] | None = None
         self._age = "", ""
         self._foreseen = "", ""
-        """The id of a request for a timed order, and how the order would be planned now."""
+        """The id of a request for a timed order, and the order's plan as of now, in words."""
         self._width = 0
         self._looked_at = ""
         self._playing = False
@@ -134,7 +134,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.display = False
 
     def show(self, trace: MissionTrace | None, preview: PlanPreview | None = None) -> bool:
-        """Show the open request of `trace`, or hide; return whether a new request has appeared.
+        """Show the open request of `trace`, or hide the panel; return True for a new request.
 
         `preview` is the preview of its rehearsed plan.
         """
@@ -178,13 +178,13 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.call_after_refresh(self.fit)
 
     def tell_foreseen(self, request_id: str, foreseen: str) -> None:
-        """Show how the timed order of a request would be planned now."""
+        """Show the plan that the timed order of a request would have now."""
         self._foreseen = request_id, foreseen
         if self._trace is not None and self._request is not None:
             self._tell(self._trace, None)
 
     def tell_age(self, now_s: float) -> None:
-        """Show the age of the plan, at a moment of the session's clock, in the title."""
+        """Show the age of the plan in the title; `now_s` is the time of the session's clock."""
         self._still.tell_age(now_s)
         age = age_words(self._trace, now_s) if self._trace is not None else ("", "")
         if age != self._age:
@@ -269,7 +269,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.refresh_state()
 
     def refresh_state(self) -> None:
-        """Enable Approve, or show why it is not possible.
+        """Enable Approve, or show why it is disabled.
 
         Lines seen before the panel takes keys do not count, because they may not be laid out yet.
         """
@@ -321,7 +321,7 @@ class ApprovalPanel(Vertical, can_focus=True):
 
     @property
     def looks_at_reading(self) -> bool:
-        """True if the panel shows another reading than the plan's own."""
+        """True if the panel shows a reading other than the plan's."""
         return bool(self._looked_at)
 
     def _look(self, asked: str) -> None:
@@ -332,7 +332,7 @@ class ApprovalPanel(Vertical, can_focus=True):
     @on(events.DescendantBlur)
     @on(events.Focus)
     def _focus_moved(self) -> None:
-        """Show the effect of the next key; without the focus, the panel shows no other reading."""
+        """Show the effect of the next key; if the focus has left, hide any other reading."""
         if not self.has_focus_within:
             self._look("")
         self.refresh_state()
@@ -352,7 +352,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._buttons.of("modify").disabled = not may_modify(request)
 
     def _why_not(self) -> str:
-        """Return the reason why Approve is not allowed, apart from the arm delay; '' if it is."""
+        """Return the reason why Approve is disabled, ignoring the arm delay; '' if enabled."""
         request = self._request
         if request is None:
             return "no plan waits"
@@ -373,7 +373,7 @@ class ApprovalPanel(Vertical, can_focus=True):
             self.disarm()
 
     def action_cycle(self, step: int) -> None:
-        """Focus the next or the previous field of this panel, in a circle; Esc leaves the panel."""
+        """Focus the next or previous field of this panel, wrapping around; Esc leaves the panel."""
         chain = [widget for widget in self.screen.focus_chain if self in widget.ancestors]
         outside = -1 if step > 0 else 0
         at = chain.index(self.app.focused) if self.app.focused in chain else outside
@@ -386,7 +386,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         self._look(reading_of(widget))
 
     def action_go_to(self, button: str) -> None:
-        """Focus a button, which Enter presses, or the input that Approve still needs.
+        """Focus a button, so that Enter presses it, or the input that Approve still needs.
 
         If the button cannot be pressed, focus the panel itself, so that Enter presses no other
         button.
@@ -400,13 +400,13 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.screen.set_focus(target)
 
     def _needed(self, request: ApprovalRequested) -> Widget:
-        """Return the widget for the missing condition of Approve, or the panel if there is none."""
+        """Return the input that Approve still needs; if none, scroll and return the panel."""
         unticked = self._given_fields.unticked
         if request.blocked_by or request.state == "not_understood":
             return self
         if unticked:
             return unticked[0]
-        if request.needs_override and not self._reason.said:
+        if request.needs_override and not self._reason.text:
             return self._reason
         self.action_scroll_plan(1)
         return self
@@ -476,7 +476,7 @@ class ApprovalPanel(Vertical, can_focus=True):
         if choice == "modify" and may_modify(request):
             self.post_message(self.Asked("modify"))
         elif choice != "approve" or not self._why_not():
-            self._send(decision_of(request, button, self._reason.said))
+            self._send(decision_of(request, button, self._reason.text))
 
     def _answer(self, answer: str) -> None:
         """Send an answer to a question about the order; do nothing if a plan waits."""
@@ -492,6 +492,6 @@ class ApprovalPanel(Vertical, can_focus=True):
         self.post_message(self.Decided(decision))
 
     def refused(self) -> None:
-        """Accept decisions again after the last one could not be delivered."""
+        """Accept decisions again, because the last one could not be delivered."""
         self._sent = False
         self.disarm()

@@ -1,4 +1,4 @@
-"""The text of a plan in the approval panel, the count of its lines read, and its schedule.
+"""The text of a plan in the approval panel, the count of lines read, and the schedule.
 
 The schedule is a Gantt chart: it shows when each agent is under way or at work, and the guards of
 each gate.
@@ -20,29 +20,29 @@ from pa_console.tui.widgets.row_views import TextRows, WrappedRow
 
 MOST_LABEL = 12
 LEAST_BARS = 12
-"""The least number of columns of a chart; with fewer, its bars mean nothing."""
+"""The minimum number of columns of a chart; with fewer, its bars could not be read."""
 
 MOST_AGENTS = 8
-"""The most agents with a bar; in a larger team, these are the agents that arrive last."""
+"""The maximum number of agents with a bar; in a larger team, those that arrive last get one."""
 
 _GOES, _WORKS, _DONE, _FAILS, _NOW = "━", "─", "✔", "✘", "▼"
 _DIGITS = 9
 
 TITLE = "Schedule: ━ on the way  ─ at work there  1 2 3 guards"
 LEAST_WIDTH = 40
-"""The least width of a chart, in cells."""
+"""The minimum width of a chart, in cells."""
 
 ROWS_ELSEWHERE = 6
 """The approximate number of terminal lines that are neither map nor panel."""
 
 WIDE_SHARE, COMPACT_SHARE = 0.7, 0.62
-"""The largest share of the remaining lines for the panel: beside the map, and below it."""
+"""The maximum shares of the remaining lines that the panel takes beside and below the map."""
 
 LEAST_ROWS, LEAST_PLAN_ROWS = 13, 4
 
 
 def schedule_lines(preview: PlanPreview, width: int, now_s: float | None = None) -> list[Content]:
-    """Return the chart, `width` cells wide: a time axis, a bar per agent, a line per gate.
+    """Return the chart, `width` cells wide: a time axis, a bar per agent, and a line per gate.
 
     A bar begins when its agent sets out. It is thick while the agent is on its way and thin while
     it works. A gate's line shows the number of its guards. With `now_s`, the axis marks that
@@ -158,8 +158,9 @@ class PlanSchedule(Widget):
 
 
 def panel_rows(terminal: int, taken: int, *, compact: bool) -> int:
-    """Return the most rows of the panel on `terminal` lines, with `taken` rows for its other parts.
+    """Return the maximum number of rows of the panel on a terminal of `terminal` lines.
 
+    The inputs and buttons take `taken` rows; the plan always keeps at least LEAST_PLAN_ROWS.
     `compact` is True if the panel is below the map and not beside it.
     """
     share = int((terminal - ROWS_ELSEWHERE) * (COMPACT_SHARE if compact else WIDE_SHARE))

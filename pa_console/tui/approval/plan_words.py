@@ -1,8 +1,8 @@
 """The words of the approval panel: order, actions, consequences, rules, judge, confidence.
 
-A doubt about the reading comes before the consequences. The row of an action has its agent, places,
-duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`. Equal actions
-share a row.
+A doubt about the reading comes before the consequences. The row of an action shows its agent,
+places, duration and charge: `Drone_T04 UAV Checkpoint → East Gate 7 s battery 97 → 95 %`.
+Equal actions share a row.
 """
 
 from collections.abc import Collection, Iterator, Sequence
@@ -34,12 +34,12 @@ from pa_console.views.event_words import (
 )
 
 YOUNG_S = 10.0
-"""The least age of a plan that is shown, in seconds."""
+"""The minimum age in seconds of a plan whose age is shown."""
 
 
 @dataclass(frozen=True)
 class _ActionGroup:
-    """The description that equal actions share."""
+    """The description of an action, without its agent; equal actions share a description."""
 
     kind: str
     way: str
@@ -163,7 +163,7 @@ def _seconds(names: Sequence[str], preview: PlanPreview) -> str:
 
 
 def _battery(names: Sequence[str], preview: PlanPreview) -> str:
-    """Return the least charge of the agents before the plan and their least charge during it."""
+    """Return the lowest charge of the agents before the plan and their lowest charge during it."""
     lines, assets = preview.rehearsal.timeline.assets, preview.before.assets
     before = [assets[name].battery_pct for name in names if name in assets]
     least = [lines[name].least_battery_pct for name in names if name in lines]
@@ -186,7 +186,7 @@ def approval_rows(
 ) -> Iterator[WrappedRow]:
     """Yield all facts about the waiting plan; none if no plan waits.
 
-    `preview` is its rehearsed plan, None without a rehearsal. `foreseen` describes the plan that a
+    `preview` is its rehearsal, None if it was not rehearsed. `foreseen` describes the plan that a
     timed order would have now.
     """
     request = trace.approval
@@ -198,13 +198,13 @@ def approval_rows(
         yield row("✘ ", (f"not accepted: {refused.detail}", BAD))
     yield from _order(trace, request)
     if trace.still is not None and trace.still.problem:
-        told = f"{trace.still.camera}, {trace.still.track}: {trace.still.problem}"
-        yield row(("△ ", WARN), ("No still  ", f"bold {WARN}"), told)
+        problem = f"{trace.still.camera}, {trace.still.track}: {trace.still.problem}"
+        yield row(("△ ", WARN), ("No still  ", f"bold {WARN}"), problem)
     if request.state == "not_understood":
-        told = "; ".join(request.blocked_by).removeprefix("not understood: ")
-        yield row(("? ", WARN), (told, WARN))
-        told = "Choose or write what is meant" if trace.choices else "Write what is meant"
-        yield row("  ", f"No asset moves. {told}, or reject this.")
+        problem = "; ".join(request.blocked_by).removeprefix("not understood: ")
+        yield row(("? ", WARN), (problem, WARN))
+        remedy = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        yield row("  ", f"No asset moves. {remedy}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:
         yield from offered_rows(trace.standing, foreseen)
@@ -255,7 +255,7 @@ def _order(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedR
 
 
 def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
-    """Yield an order as it was typed; a word that was read differently has its reading after it."""
+    """Yield an order as it was typed; after a word that was read differently, yield the reading."""
     typed, read = mission.said.split(), mission.text.split()
     if len(typed) != len(read):
         yield mission.said
@@ -269,13 +269,13 @@ def typed_words(mission: Mission) -> Iterator[str | tuple[str, str]]:
 
 
 def _because(unmet: str) -> str:
-    """Return the impossible part and its reason, separated by a colon, as one sentence."""
+    """Return `unmet`, which has an impossible part and a reason after a colon, as one sentence."""
     part, colon, reason = unmet.partition(": ")
     return f"{part}, because {reason}" if colon else part
 
 
 def _signed(trace: MissionTrace, request: ApprovalRequested) -> Iterator[WrappedRow]:
-    """Yield the people who have approved the plan so far, and whether more have to."""
+    """Yield the people who have signed the plan so far, and whether others have to sign it too."""
     made = [event for event in trace.decisions if event.attempt == request.attempt]
     signers = dict.fromkeys(name for event in made for name in event.decision.signatures)
     if not signers:
@@ -352,7 +352,7 @@ def objection(feedback: str) -> str:
 
 
 def _confidence(attempt: Attempt) -> Iterator[WrappedRow]:
-    """Yield the models' confidence in the reading, and the words that contradict it."""
+    """Yield the models' confidence in the reading, and the mismatches between reading and order."""
     gaps = "; ".join(attempt.gaps)
     if attempt.sure is None:
         if gaps:
@@ -402,7 +402,7 @@ def looked_at_rows(preview: PlanPreview | None, faults: tuple[str, ...]) -> Iter
 
 
 def reading_label(number: int, asked: str) -> Content:
-    """Return the label of a possible meaning of the order, after the key that shows it."""
+    """Return the label of a possible meaning of the order, preceded by the key that shows it."""
     or_ = "or: " if asked.startswith(ASKED) else ""
     return Content.assemble((f"(Alt+{number}) ", "bold"), or_, plain_reading(asked))
 
@@ -410,7 +410,7 @@ def reading_label(number: int, asked: str) -> Content:
 def offered_rows(read: StandingOrderRead, foreseen: str = "") -> Iterator[WrappedRow]:
     """Yield all facts about a standing order before its approval.
 
-    `foreseen` describes the plan that the order would have now, '' if that is unknown.
+    `foreseen` describes the plan that the order would have now; it is '' if this is unknown.
     """
     if read.order.once and read.moments:
         yield row(("▶ ", NOTE), (f"Will run once at {moments_in_words(read.moments)}", "bold"),

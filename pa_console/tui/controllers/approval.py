@@ -20,10 +20,10 @@ from pa_console.tui.approval.comparison import (
     MOST_BESIDE,
     ComparedPlan,
     PlanComparison,
+    canonical_reading,
     other_reading,
     other_way,
     past_candidate,
-    said_of,
     waiting_candidate,
 )
 from pa_console.tui.approval.panel import ApprovalPanel
@@ -42,7 +42,7 @@ PlanKey = tuple[str, int]
 
 
 class ApprovalController:
-    """The decisions on waiting plans; drafts of modified plans last as long as the console."""
+    """A controller for decisions on waiting plans; it keeps drafts until the console closes."""
 
     def __init__(self, session: ConsoleSession, commands: CommandController) -> None:
         self._session, self._commands = session, commands
@@ -50,7 +50,7 @@ class ApprovalController:
         self._editing: tuple[PlanKey, Screen[Plan | str | None]] | None = None
         self._comparing: tuple[str, PlanComparison] | None = None
         self._foreseen = ""
-        """The id of the last request with a timed order that was planned ahead."""
+        """The id of the last request whose timed order was planned ahead."""
 
     def go_to_it(self) -> None:
         """Focus the waiting plan, from any screen that is not modal."""
@@ -76,10 +76,10 @@ class ApprovalController:
         )
 
     def compare(self, question: Question | None = None) -> bool:
-        """Show other plans beside the waiting one, as they are found.
+        """Show other plans beside the waiting one, each as soon as it is found.
 
         With a `question`, the other plans are its answer; if no plan waits, they are shown beside
-        the last one. Returns whether there is a plan to compare.
+        the mission's last plan. Returns whether there is a plan to compare.
         """
         session, trace = self._session, self._session.state.current
         request = trace.approval if trace is not None else None
@@ -143,11 +143,11 @@ class ApprovalController:
     async def _compare(
         self, screen: PlanComparison, trace: MissionTrace, request: ApprovalRequested | None
     ) -> None:
-        """Rehearse other readings, then other ways, and add each to the screen."""
+        """Rehearse plans for other readings, then other ways, and add each plan to the screen."""
         station, world = self._session.station, self._session.world
         if station is None or request is None:
             return
-        shown, asked = 0, said_of(trace)
+        shown, asked = 0, canonical_reading(trace)
         for reading in request.readings:
             screen.tell(f"rehearsing: {plain_reading(reading)}; Esc stops")
             rehearsed = await station.look_at(trace.mission, reading)
@@ -251,7 +251,7 @@ class ApprovalController:
 
 
 def _compared_with(world: World, trace: MissionTrace | None, *, over: bool) -> ComparedPlan | None:
-    """Return the waiting plan; without one and with `over`, return the mission's last plan."""
+    """Return the waiting plan, or, if none waits and `over` is True, the mission's last plan."""
     waits = waiting_plan(world, trace) if trace is not None else None
     if trace is None or waits is not None:
         return waiting_candidate(trace, waits) if trace is not None and waits is not None else None
@@ -271,7 +271,7 @@ def _proposed(trace: MissionTrace, request: ApprovalRequested) -> Plan:
 
 
 class QuestionController:
-    """The texts sent at the prompt: a question is answered, any other text is a mission.
+    """A controller for texts sent at the prompt: a question is answered, other text is a mission.
 
     If a question asks for other plans and one of them can be chosen, they are shown side by side.
     """

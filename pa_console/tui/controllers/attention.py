@@ -1,4 +1,4 @@
-"""Calls for the operator: bell, notice and window title for a wait, a red line for a log fault.
+"""Calls for the operator: signals that something waits, and a red line for a log fault.
 
 A terminal ignores codes that it does not support.
 """
@@ -33,7 +33,7 @@ def notice(text: str) -> str:
 
 
 def window_title(text: str = "") -> str:
-    """Return the code that sets the window's title: what waits, or only the console's name."""
+    """Return the code that sets the window's title to `text` and the console's name."""
     plain = visible_line(text)
     return f"\x1b]2;▲ {plain} - {TITLE}\x07" if plain else f"\x1b]2;{TITLE}\x07"
 
@@ -81,10 +81,10 @@ class AttentionController:
 
 
 class LogAlarm(Static):
-    """An alarm line: the consequence of an unwritable log for the operator, then the reason."""
+    """An alarm line that shows the consequence of an unwritable log, and the reason."""
 
     def show(self, problem: str) -> None:
-        """Show the log's description of its problem."""
+        """Show the `problem` that the log reports."""
         self.update(Content.assemble((f"■ {CLOSED}", "bold"), f". {problem}"))
 
 

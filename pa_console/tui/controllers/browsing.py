@@ -157,7 +157,7 @@ class BrowsingController:
 
 
 def _plan_text(trace: MissionTrace) -> str:
-    """Return the JSON of the latest plan that could be read, else the model's last answer."""
+    """Return the JSON of the latest plan that could be read, or else the model's last answer."""
     from pa_console.tui.screens.plan_editing import plan_json  # noqa: PLC0415
 
     for attempt in reversed(trace.attempts):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LOW_BATTERY_PCT = 15.0
 JAM_S = 60.0
 JAM_FACTOR = 2.0
-"""The radius of a jam around a gate, in radii of the gate."""
+"""The radius of a jam around a gate, as a multiple of the gate's radius."""
 
 DRIFT_MPS = 1.0
 RATES = (1.0, 2.0, 4.0, 8.0)
@@ -35,7 +35,7 @@ WhatIf = tuple[str, inc.Incident]
 
 
 _STANDING = {
-    "revoke": ("Revoke", "{} starts no more missions; those that wait are cancelled"),
+    "revoke": ("Revoke", "{} starts no more missions; its waiting missions are cancelled"),
     "pause": ("Pause", "{} starts no missions until you resume it"),
     "resume": ("Resume", "{} starts missions again"),
     "skip": ("Skip", "{} skips its next start"),
@@ -44,7 +44,7 @@ _STANDING = {
 
 
 def next_rate(rate: float, factor: float) -> float:
-    """Return the simulation's speed after one step."""
+    """Return `rate` times `factor`, limited to the allowed speeds of the simulation."""
     return min(max(rate * factor, RATES[0]), RATES[-1])
 
 
@@ -83,14 +83,14 @@ def _visitors(world: World, gate: str) -> Iterator[WhatIf]:
 
 
 def _camera_faults(world: World, camera: str) -> Iterator[WhatIf]:
-    """Yield the fault of a gate camera, and its end."""
+    """Yield the fault of a gate camera, and the end of the fault."""
     gate = world.cameras[camera].gate
     yield f"{camera} of {gate} fails", inc.SensorFault(sensor=camera)
     yield f"{camera} of {gate} works again", inc.SensorFault(sensor=camera, works=True)
 
 
 def _asset_troubles(world: World, asset: str) -> Iterator[WhatIf]:
-    """Yield the faults of an asset, and their end."""
+    """Yield the faults of an asset, and the end of each."""
     post = world.assets[asset].post
     forged = inc.SpoofTelemetry(asset=asset, frame=post)
     yield f"{asset} fails", inc.FailAsset(asset=asset)
@@ -118,7 +118,7 @@ class CommandController:
         self._session, self._feed = session, feed
 
     def attempt(self, title: str, command: Callable[[LiveStation], object]) -> bool:
-        """Give a command; return whether it was accepted."""
+        """Give a command to the station; return whether it was accepted."""
         station, joined = self._session.station, self._session.joined
         if station is None or (self._session.readonly and joined is None):
             self._session.tell("the console is read-only", f"{title} refused", bad=True)
@@ -212,10 +212,9 @@ class CommandController:
     def change_standing(self, order: StandingOrder, change: "StandingChange") -> None:
         """Revoke, pause or resume a standing order, skip one of its moments, or give it again."""
         name = order.id
-        title, told = _STANDING[change]
+        title, effect = _STANDING[change]
         if self._session.recording is not None:
-            told = "a recording cannot be changed"
-            self._session.tell(told, f"{title} refused", bad=True)
+            self._session.tell("a recording cannot be changed", f"{title} refused", bad=True)
             return
 
         def carry_out(station: LiveStation) -> object:
@@ -224,19 +223,19 @@ class CommandController:
             return station.change_standing(name, change)
 
         if self.attempt(title, carry_out):
-            self._session.tell(told.format(name), title)
+            self._session.tell(effect.format(name), title)
 
     # The stop
 
     def stop_all(self) -> None:
-        """Make every asset hold, at once and without a question."""
+        """Make every asset hold, at once and without confirmation."""
         joined = self._session.joined
         if not self.attempt("Stop", lambda station: station.stop_all()):
             return
         if joined is not None:
             self._session.tell(
                 f"{joined.station} was asked to stop every asset; the red line at the top shows "
-                "when it has",
+                "when it has done so",
                 "■ STOP ASKED",
                 bad=True,
             )
@@ -250,20 +249,21 @@ class CommandController:
             )
 
     def release_stop(self) -> None:
-        """Release the stop, after a question that names the unconfirmed assets."""
+        """Release the stop, after a dialog that names the assets that have not confirmed it."""
         stop = self._session.state.stop
         if stop is None:
             return
         doubtful = f"Not confirmed: {', '.join(stop.unconfirmed)}.\n" if stop.unconfirmed else ""
         question = (
             f"Everything was stopped by {stop.by}. {stop.held} assets confirmed that they hold.\n"
-            f"{doubtful}After the release, missions are taken again, and alarms become missions.\n"
+            f"{doubtful}After the release, missions are accepted again, and alarms become "
+            "missions.\n"
             "No asset moves before you approve a plan."
         )
 
         def release() -> None:
             if self.attempt("Release", lambda station: station.release()):
-                self._session.tell("missions are taken again", "The stop was released")
+                self._session.tell("missions are accepted again", "The stop was released")
 
         self._session.confirm(question, release, yes="Release", no="Stay stopped")
 

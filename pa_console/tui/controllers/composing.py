@@ -1,7 +1,7 @@
 """Orders that are typed for the operator: earlier orders, favourites, and choices on the map.
 
 A chosen order is typed into the mission field and is a mission only after the operator sends it.
-Only manual control is taken and given back at once.
+The one exception is manual control, which is taken and given back at once.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -45,11 +45,11 @@ from pa_console.tui.widgets.map_view import MapView
 from pa_console.tui.widgets.mission_prompt import MissionPrompt
 from pa_console.tui.widgets.row_views import VirtualRows
 
-HEAD = "# Favourite orders of PA Console; what stands in braces, like {gate}, is a slot.\n"
+HEAD = "# Favourite orders of PA Console; a word in braces, like {gate}, is a slot.\n"
 MOST_KEPT = 200
 
 MOST_SESSIONS = 50
-"""The most sessions that are read, newest first."""
+"""The maximum number of sessions that are read, newest first."""
 
 TEMPLATE, FAVOURITE = "template", "favourite"
 
@@ -72,7 +72,7 @@ class Favourites:
         self.file = file
 
     def orders(self) -> tuple[str, ...]:
-        """Return the orders that the file has now.
+        """Return the orders that are in the file now.
 
         Raises DocumentError, which names the file and the line, for a file that cannot be used.
         """
@@ -149,7 +149,7 @@ def logged_orders(folder: Path) -> Iterator[list[PastOrder]]:
 def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]:
     """Return each order once: first the orders `typed` at this terminal, then those of logs.
 
-    Both are sorted from new to old. A typed order has the note of its newest log entry.
+    Both are sorted from new to old. A typed order gets the note of its newest entry in a log.
     """
     notes: dict[str, PastOrder] = {}
     for order in logged:
@@ -159,7 +159,7 @@ def merged(typed: Iterable[str], logged: Iterable[PastOrder]) -> list[PastOrder]
 
 
 class ComposingController:
-    """The sources of orders; the chosen order is typed."""
+    """A controller for the sources of orders; it types the chosen order."""
 
     def __init__(
         self,
@@ -201,7 +201,7 @@ class ComposingController:
             lines = self._favourite_lines()
         except (DocumentError, OSError) as error:
             self._session.tell(
-                f"{error}\nNothing in the file was changed; the templates are offered alone.",
+                f"{error}\nNothing in the file was changed; only the templates are offered.",
                 "Favourites cannot be read",
                 bad=True,
             )
@@ -216,10 +216,10 @@ class ComposingController:
 
     def _favourite_lines(self) -> list[ChoiceLine]:
         kept = self._favourites.orders()
-        given = [text for text in templates(self._session.world) if text not in kept]
+        unkept = [text for text in templates(self._session.world) if text not in kept]
         return [
             *(ChoiceLine(text, FAVOURITE) for text in kept),
-            *(ChoiceLine(text, TEMPLATE) for text in given),
+            *(ChoiceLine(text, TEMPLATE) for text in unkept),
         ]
 
     def _without(self, order: str) -> list[ChoiceLine]:
@@ -232,7 +232,7 @@ class ComposingController:
             raise ValueError(str(error)) from error
 
     def keep_favourite(self) -> None:
-        """Keep the order in the field, or the last one that was given, as a favourite."""
+        """Keep the order in the field, or else the last one that was sent, as a favourite."""
         main = self._session.main
         draft = main.query_one(MissionPrompt).draft.strip() if main is not None else ""
         order = draft or next(iter(self._session.typed.texts), "")

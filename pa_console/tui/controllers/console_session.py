@@ -78,7 +78,7 @@ class ConsoleSession:
 
     @property
     def asks(self) -> bool:
-        """True if questions are answered here, also in a joined session."""
+        """True if questions are answered here, as they are in a joined session too."""
         return self.station is not None and (self.joined is not None or not self.readonly)
 
     def is_open(self, kind: type[Screen[Any]]) -> bool:

@@ -45,7 +45,7 @@ ON_SCREEN: Mapping[str, Callable[[MainScreen], object]] = {
     "problems": lambda shown: shown.show_assets().toggle_problems(),
     "prompt": lambda shown: shown.query_one(MissionPrompt).take_cursor(),
 }
-"""The actions that only change the main screen, or a recording opened over it, by id."""
+"""The actions that affect only the main screen, or a recording opened over it, by id."""
 
 ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
     "play": RecordingScreen.play_pause,
@@ -61,7 +61,7 @@ ON_RECORDING: Mapping[str, Callable[[RecordingScreen], object]] = {
     "search_log": RecordingScreen.search,
     "compare": RecordingScreen.compare,
 }
-"""The actions that only a recording has, by id."""
+"""The actions that are available only in a recording, by id."""
 
 PaletteCommand = tuple[str, IgnoreReturnCallbackType, str, str]
 """The title, effect, help and further search words of a command."""

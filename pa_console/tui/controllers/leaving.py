@@ -1,4 +1,4 @@
-"""Leaving the console: after a question if something would end, or when the terminal is gone."""
+"""Leaving the console: after confirmation if a mission would end, or when the terminal is gone."""
 
 import asyncio
 import signal
@@ -24,12 +24,12 @@ class LeavingController:
         self._session, self._app, self._settings = session, session.app, settings
         self._loop: asyncio.AbstractEventLoop | None = None
         self.ended_by = 0
-        """The signal that ended the console, 0 for none."""
+        """The number of the signal that ended the console, 0 for none."""
         self.takes_command = False
-        """True if the console is to open again as the one in command."""
+        """True if the console is to open again in command."""
 
     def watch_terminal(self) -> None:
-        """Leave without a question once the terminal is gone."""
+        """Leave without confirmation once the terminal is gone."""
         self._loop = asyncio.get_running_loop()
         if self.ended_by:
             self._leave_unasked()
@@ -37,7 +37,7 @@ class LeavingController:
             when_hung_up(sys.__stdin__.fileno(), self._hung_up)
 
     def end(self, number: int) -> None:
-        """Leave without a question because of the signal `number`; any thread may call this."""
+        """Leave without confirmation because of the signal `number`; any thread may call this."""
         self.ended_by = number
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._app.call_later, self._leave_unasked)
@@ -48,17 +48,17 @@ class LeavingController:
             self.end(signal.SIGHUP)
 
     def _leave_unasked(self) -> None:
-        why = "the terminal is gone" if self.ended_by == signal.SIGHUP else "told to end by SIGTERM"
+        why = "the terminal is gone" if self.ended_by == signal.SIGHUP else "ended by SIGTERM"
         self._app.run_worker(self._close(why), exit_on_error=False)
 
     def leave(self) -> None:
-        """Leave the console, after a question if that would end a mission or a standing order."""
+        """Leave the console, after confirmation if this ends a mission or a standing order."""
         session, state = self._session, self._session.state
         ends: list[str] = []
         if state.active is not None:
-            ends.append(f"Mission {state.active} is still active: it is cancelled.")
+            ends.append(f"Mission {state.active} is still active and will be cancelled.")
         ends += [
-            f"Standing order {standing.order.id} is in force and ends: {standing.order.text}"
+            f"Standing order {standing.order.id} is in force and will end: {standing.order.text}"
             for standing in state.standing.values()
             if standing.in_force
         ]
@@ -72,7 +72,7 @@ class LeavingController:
         self._app.run_worker(self._close(), exit_on_error=False)
 
     def take_command(self) -> None:
-        """Leave to take command, after a question about the consequences."""
+        """Leave to take command, after a dialog that describes the consequences."""
         joined = self._session.joined
         if joined is None or joined.command_question is None:
             return
@@ -89,7 +89,7 @@ class LeavingController:
         self._session.confirm(question, take, yes="Take command", no="Only watch")
 
     def say_how(self) -> None:
-        """Show how to leave, on any screen; if text is selected, let the key copy it instead."""
+        """Show, on any screen, how to leave; if text is selected, let the key copy it instead."""
         if getattr(self._app.focused, "selected_text", "") or self._app.screen.get_selected_text():
             raise SkipAction
         keys = shown_keys(action_of("quit"), self._settings.loaded.values.keys)

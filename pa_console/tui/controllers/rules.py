@@ -1,4 +1,4 @@
-"""The rules in force: the policy browser, the parts for editing rules, and rule changes."""
+"""The controller of the rules in force: policy browser, parts for editing, and rule changes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ _WATCHED = _USES | {"telemetry", "rules_replaced", "noticed"}
 
 
 class RulesController:
-    """The present rule set, and the parts with which the policy browser edits it."""
+    """The current rule set, and the parts with which the policy browser edits it."""
 
     def __init__(
         self,

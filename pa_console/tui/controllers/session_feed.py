@@ -19,7 +19,7 @@ LOOK_S = 1.0
 
 
 class SessionFeed:
-    """The feed of the main screen from a live station, at most one frame every FRAME_S seconds."""
+    """The feed from a live station to the main screen, at most one frame every FRAME_S seconds."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class SessionFeed:
         """A callback that receives every event at once, even while the screen is busy."""
 
     def start(self) -> None:
-        """Start to listen; called after the first paint."""
+        """Start to read the events; called after the first paint."""
         station = self._session.station
         if station is not None and self._session.player is None:
             self._app.run_worker(self._listen(station), group="session", exit_on_error=False)
@@ -76,8 +76,8 @@ class SessionFeed:
         """Repaint all panes at the end of the events, and show the `problem` if there is one."""
         if problem:
             self._app.notify(
-                f"The session stopped: {problem}. What was received stays readable; start the "
-                "console again to continue.",
+                f"The session stopped: {problem}. Everything received so far stays "
+                "readable; start the console again to continue.",
                 title="No more events",
                 severity="error",
                 timeout=60,
@@ -134,7 +134,7 @@ class SessionFeed:
         self._waited = waits
 
     def _show_waiting(self) -> None:
-        """Show the present wait on the main screen."""
+        """Show on the main screen the running step, or the missions that wait for a decision."""
         main = self._main()
         if main is not None:
             session = self._session
@@ -144,7 +144,7 @@ class SessionFeed:
             main.show_waiting(line or behind_line(state, f"{key} lets it go first"))
 
     def look(self) -> None:
-        """Update the age of the telemetry and the duration of the present step."""
+        """Update the age of the telemetry and the duration of the current step."""
         self._show_waiting()
         if self._session.clock() - self._last_telemetry > 4 * LOOK_S:
             self.changed(frozenset(("status",)))

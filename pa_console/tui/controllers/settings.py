@@ -48,7 +48,7 @@ class SettingsController:
             self._session.station.read_live(self._show_reading if values.live_reading else None)
 
     def _show_reading(self, text: str, reading: str) -> None:
-        """Show the reading of the `text` being typed, after the present message is handled."""
+        """Show the reading of the `text` being typed, after the current message is handled."""
         if self._session.main is not None:
             self._app.call_later(self._session.main.show_reading, text, reading)
 

@@ -22,18 +22,18 @@ from pa_console.tui.controllers.settings import SettingsController
 TEXT_S = 0.5
 """The longest time between two keys of a text, in seconds.
 
-Two different printable keys are text if at least one of them is a letter.
+Two different printable keys within this time are text if at least one of them is a letter.
 """
 
 CHOSEN_S = 5.0
 """The time for which a command waits for Enter and a notice about keys is shown, in seconds."""
 
 KeyTime = Callable[[events.Key], float]
-"""A function for the time of a key, in seconds of a monotonic clock; tests replace it."""
+"""A function that returns the time of a key, in seconds of a monotonic clock; tests replace it."""
 
 
 class TypedText:
-    """The printable keys that closely follow one another.
+    """A series of printable keys that closely follow one another.
 
     The same key repeated is not text, and neither are digits and signs without a letter.
     """
@@ -42,7 +42,7 @@ class TypedText:
         self.keys = ""
         """The keys typed without a pause."""
         self.is_text = False
-        """True if the keys are text; neither they nor the Enter after them is then a command."""
+        """True if the keys are text; then neither they nor the Enter after them is a command."""
         self._last_s = 0.0
 
     def add(self, character: str, time_s: float) -> None:
@@ -89,7 +89,7 @@ class _PressedAction:
 
 
 class TypingController:
-    """The first handler of every key on a console that accepts typed text."""
+    """The handler that receives every key first, on a console that accepts typed text."""
 
     def __init__(
         self, session: ConsoleSession, settings: SettingsController, key_time: KeyTime
@@ -103,7 +103,7 @@ class TypingController:
         self._told = False
 
     async def takes(self, event: events.Key) -> bool:
-        """Return whether the key was handled and goes no further."""
+        """Handle a key that is a command or text; return True if it goes no further."""
         if not self._session.asks:
             return False
         (chosen, self._chosen), self._told = (self._chosen, None), False
@@ -133,9 +133,10 @@ class TypingController:
         return self._chooses(event, time_s)
 
     def _takes_alt_digit(self, event: events.Key) -> bool:
-        """Return whether the key is Alt and a digit, as some terminals send it, and had an effect.
+        """Handle Alt and a digit as some terminals send it; return whether this had an effect.
 
-        At the approval panel, it shows a reading; in the empty mission field, it types an example.
+        At the approval panel, the key shows a reading; in the empty mission field, it types an
+        example.
         """
         if event.key not in ALT_DIGITS:
             return False

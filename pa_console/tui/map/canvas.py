@@ -1,7 +1,7 @@
-"""A grid of character cells with a role each, and the projection from metres to its cells.
+"""A grid of character cells, each with a role, and the projection from metres to its cells.
 
 The map widget turns roles into colours. Lines are finer than a cell: they consist of quarters of a
-cell as blocks, or of eighths as braille dots. A cell is about twice as tall as wide.
+cell, drawn as blocks, or of eighths, drawn as braille dots. A cell is about twice as tall as wide.
 """
 
 from collections import defaultdict
@@ -18,7 +18,7 @@ Cell = tuple[int, int]
 """The column and row of a cell; row 0 is at the top."""
 
 Spot = tuple[float, float]
-"""A column and row with fractions: cell (3, 2) reaches from (3.0, 2.0) up to (4.0, 3.0)."""
+"""A column and row with fractions: cell (3, 2) extends from (3.0, 2.0) up to (4.0, 3.0)."""
 
 Run = tuple[str, str]
 """A text and its role."""
@@ -33,21 +33,21 @@ MOST_STRETCH = 1.7
 """The largest factor by which the site is widened to fill a wide pane."""
 
 LOW_STRETCH = 3.4
-"""The same factor on a low map, where names need the room more than the site its shape."""
+"""The same factor on a low map, where room for names matters more than the site's shape."""
 
 LANE_SHARE = 0.14
 """The margin around the site in which lanes are shown, as a share of the site's size."""
 
 LANES_FROM_ROWS = 12
-"""The least height of a map with a margin for lanes; a lower map needs it for the site."""
+"""The minimum height of a map with a margin for lanes; a lower map uses it for the site."""
 
 
 @dataclass
 class Canvas:
     """The glyphs and roles of `width` x `height` cells; later drawings are on top.
 
-    `marks` has the assets and tracks of each cell with a marker. `labels` has the cells of a
-    marker's leader and names.
+    `marks` maps each cell with a marker to its assets and tracks. `labels` maps the cell of a
+    marker to the cells of its leaders and names.
     """
 
     width: int
@@ -138,7 +138,7 @@ class Strokes:
             self.line(start, end, period=period, on=on)
 
     def draw(self, canvas: Canvas, role: str, over: Sequence[str] | frozenset[str] = ()) -> None:
-        """Draw all dots; if `over` is given, draw only in cells with a role in it."""
+        """Draw all dots; if `over` is given, draw only in cells whose role is in `over`."""
         for cell, bits in self._cells.items():
             if canvas.holds(cell) and (not over or canvas.role(cell) in over):
                 canvas.put(cell, self.GLYPHS[bits], role)
@@ -171,7 +171,7 @@ class Projection:
     """The projection of the site, and of its lanes if useful, to `width` x `height` cells.
 
     If `zoom` is above 1, only a part is shown, around `centre_on` (the middle if None). With `fit`,
-    the scale is that of a view of that size: a smaller view then shows less.
+    the scale is that of a view of that size, so a smaller view shows less of the site.
     """
 
     world: World
@@ -187,7 +187,7 @@ class Projection:
 
     @cached_property
     def _view(self) -> tuple[float, float, float, float]:
-        """Return the west, south, east and north edge of the view, in metres."""
+        """Return the west, south, east and north edges of the view, in metres."""
         west, south, east, north = self.whole
         if self.zoom <= 1.0:
             return west, south, east, north
@@ -197,7 +197,7 @@ class Projection:
 
     @cached_property
     def whole(self) -> tuple[float, float, float, float]:
-        """The west, south, east and north edge of the unzoomed view, in metres."""
+        """The west, south, east and north edges of the unzoomed view, in metres."""
         world = self.world
         site = list(
             chain(
@@ -239,7 +239,7 @@ class Projection:
 
     @cached_property
     def _centre(self) -> Spot:
-        """The middle of the canvas, a whole number of cells away from the middle of `fit`."""
+        """The middle of the canvas; it is a whole number of cells away from the middle of `fit`."""
         width, height = self._fitted
         return width / 2 - (width - self.width) // 2, height / 2 - (height - self.height) // 2
 

@@ -28,7 +28,7 @@ _COST = {
     "label": 60,
 }
 _CROWDED = 10
-"""The most frames in a view before names that would hide something are left out."""
+"""The maximum number of frames in a view that shows every name, even one that hides something."""
 
 _NO_PLACE = 40.0
 
@@ -123,7 +123,7 @@ def draw_ground(world: World, view: Projection, background: Background | None) -
 
 
 def _names(world: World, view: Projection, canvas: Canvas) -> dict[str, Cell]:
-    """Return the cells where the names of frames hide least."""
+    """Return the cell for the name of each frame, where the name hides least."""
     centre = view.cell(_middle(world.perimeter))
     shown = {name: frame for name, frame in world.frames.items() if view.shows(frame.at)}
     most = _NO_PLACE if len(shown) > _CROWDED else None
@@ -163,7 +163,7 @@ def _place_name(
 
 
 def _hidden(canvas: Canvas, start: Cell, length: int) -> int:
-    """Return the cost of what a text of `length` cells at `start` would hide or lose."""
+    """Return the cost of a text at `start`: the cells it would hide, and the letters cut off."""
     cells = [(start[0] + offset, start[1]) for offset in range(-1, length + 1)]
     inside = [cell for cell in cells if canvas.holds(cell)]
     lost = 100 * (len(cells) - len(inside))

@@ -29,7 +29,7 @@ _TOUCHING = 0.8
 """The cost of a cell right beside another name or marker."""
 
 _AMBIGUOUS = 1.5
-"""The cost of another marker beside a leader, or below or above a name without one."""
+"""The cost of another marker beside a leader, or below or above a name without a leader."""
 
 
 _NEXT_TO_NOTHING = 2.0
@@ -59,10 +59,11 @@ class Labels:
             self._taken[cell[1]][cell[0]] = 1
 
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
-        """Write a line at `start` unless a marker or another name is in the way; return success.
+        """Write a line at `start`; return False if a marker or another name is in the way.
 
         With `keep`, no other name hides the line. A number right after the line would read as a
-        part of it: a line to keep then begins one cell earlier, and another is not written.
+        part of it. A line to keep therefore begins one cell earlier, and any other line is not
+        written.
         """
         (column, row), width = start, sum(len(text) for text, _ in line)
         behind, taken = (column + width, row), self._canvas.marks.keys() | self._kept_names
@@ -104,7 +105,7 @@ class Labels:
         return [] if best is None else self._write(at, best, block, width)
 
     def extend(self, cells: list[Cell], text: str, role: str) -> None:
-        """Add a text after a placed name, or before it, if the text hides next to nothing.
+        """Add a text after a placed name, or before it, if the text hides almost nothing.
 
         The cells of the text are added to `cells`.
         """

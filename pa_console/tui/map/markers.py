@@ -16,7 +16,7 @@ from pa_console.tui.status_words import Reliance, term
 _ARROWS = "→↗↑↖←↙↓↘"
 _TRACK_GLYPHS = {"vehicle": "■", "person": "▪"}
 WIDE_UNCERTAINTY_M = 5.0
-"""The least uncertainty that is written beside a track, in metres."""
+"""The minimum uncertainty that is written beside a track, in metres."""
 
 TROUBLE = frozenset(("down", "stale", "suspect"))
 """The roles of assets that cannot be relied on."""
@@ -29,13 +29,13 @@ The number is then written beside the cell if there is room.
 
 POINTER = "▸"
 MOST_NAMES = 9
-"""The most names beside a cell; for more, only their number is written."""
+"""The maximum number of names beside a cell; if there are more, only their number is written."""
 
 DETAIL_FROM_COLUMNS = 60
-"""The least width of a map that shows charges that are not low, in columns."""
+"""The minimum width of a map that shows every charge and not only low ones, in columns."""
 
 NAMES_FROM_ROWS = 12
-"""The least height of a map with leaders to the names of dimmed markers, in rows."""
+"""The minimum height of a map with leaders to the names of dimmed markers, in rows."""
 
 _WITHOUT_LEADER = 2.0
 """The cost of the nearest place with a leader, if it hides nothing."""
@@ -153,7 +153,7 @@ class Marker(NamedTuple):
 
     @property
     def in_list(self) -> str:
-        """The name in a list, for a cell that shows a number."""
+        """The name in the list beside a cell that shows a number."""
         symbol = self.symbol
         if self.is_track:
             return f"{symbol.glyph}{symbol.name}{symbol.note}"
@@ -163,7 +163,7 @@ class Marker(NamedTuple):
 
 
 class Markers:
-    """All markers of one picture on one canvas, by their cells."""
+    """All markers of one picture on one canvas, by cell."""
 
     def __init__(self, canvas: Canvas, markers: Iterable[Marker], pointed_at: str) -> None:
         """Put markers beyond the canvas at its edge; the marker `pointed_at` gets a pointer."""

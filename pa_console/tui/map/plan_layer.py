@@ -15,16 +15,16 @@ ARRIVAL = "◎"
 """The mark of a destination."""
 
 MOST_NAMED = 3
-"""The most arrivals at one place that are named there, each with its time in seconds."""
+"""The maximum number of arrivals at a place that are named there, each with its time in seconds."""
 
 FARTHEST = 4.0
-"""The highest cost of a text beside its place; a costlier one follows the place's name."""
+"""The highest cost of a text beside its place; a costlier text follows the place's name."""
 
 MOST_SOLID = 16
-"""The most routes drawn as solid lines; more routes are dotted, so that they can be told apart."""
+"""The maximum number of routes drawn as solid lines; if there are more, all are dotted."""
 
 DIMMED = frozenset(("uav", "ugv", "robot", "crowd", "track-authorized"))
-"""The roles that are dimmed if the plan does not concern them; trouble and threats are not."""
+"""The roles of symbols without trouble or threat; a plan dims those that it does not concern."""
 
 _ROUTE_OVER = frozenset(("", "lane", "zone", "asset-field", "camera-field", "trail", "route"))
 
@@ -116,7 +116,7 @@ def _meets_barrier(ground: MapGround, start: Cell, line: Sequence[Run]) -> bool:
 
 @lru_cache(maxsize=4096)
 def dimmed(symbol: Symbol) -> Symbol:
-    """Return the dimmed symbol, for what a plan does not concern; trouble keeps its own symbol."""
+    """Return a symbol that a plan does not concern, dimmed unless it shows trouble or a threat."""
     if symbol.role not in DIMMED:
         return symbol
     return symbol._replace(role="dimmed", detail="")

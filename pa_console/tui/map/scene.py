@@ -46,7 +46,7 @@ _ADJOINING = 2.0
 
 CONTACT_GLYPH, CONTACT_ROLE = "◌", "contact"
 MOST_NAME = 14
-"""The longest call sign on the map, in cells; the event list has it whole."""
+"""The longest call sign on the map, in cells; the event list shows it in full."""
 
 _FREE = FREE | {"wall"}
 ROLES = (
@@ -59,13 +59,13 @@ ROLES = (
     "contact",
 )  # fmt: skip
 CELLS_PER_NAME = 48
-"""The least number of cells for each asset; with fewer, only important names are written."""
+"""The minimum number of cells per asset; with fewer, only important names are written."""
 
 MOST_RETRIES = 2
-"""The most retries to place names; each begins with the names that found no room."""
+"""The maximum number of retries to place names; each starts with the names left out before."""
 
 Window = tuple[float, Point | None]
-"""The zoom of the map, and its centre; None is the middle of the site."""
+"""The zoom of the map, and its centre; None means the middle of the site."""
 
 
 def camera_fields(world: World, picture: Picture, look: Reliance) -> Iterator[tuple[Point, ...]]:

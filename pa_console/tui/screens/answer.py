@@ -1,4 +1,4 @@
-"""The screen for the answer to a question of the operator."""
+"""The screen for the answer to an operator's question."""
 
 from textual.app import ComposeResult
 from textual.binding import Binding

@@ -27,10 +27,10 @@ from pa_console.views.comparison import ENDED, EventDifference, SessionCompariso
 from pa_console.views.event_words import event_in_words, kind_in_words
 
 TALL = 30
-"""The least height of a screen with maps, in rows."""
+"""The minimum height of a screen with maps, in rows."""
 
 SHORT = 40
-"""The greatest length of two values, taken together, that share a row."""
+"""The maximum length of two values together that share a row."""
 
 BEFORE, AFTER = 6, 3
 """The numbers of events shown before and after the first difference."""
@@ -215,7 +215,7 @@ def around(recording: Recording, at: int, width: int) -> tuple[WrappedRow, ...]:
 def change_rows(
     comparison: SessionComparison, shown: EventDifference | None, names: tuple[str, str]
 ) -> tuple[WrappedRow, ...]:
-    """Return the differences at the start of the sessions and at the shown event, A over B."""
+    """Return the differences at the start of the sessions and at the shown event, A above B."""
     rows: list[WrappedRow] = []
     if comparison.started:
         rows.append(row("", ("They were started differently", f"bold {NOTE}")))

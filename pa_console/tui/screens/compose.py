@@ -30,7 +30,7 @@ WIDTH = 46
 """The width of a card, in cells; its height depends on its content."""
 
 GIVE = "give"
-"""The effect of a choice with an order that is sent at once; it moves no asset."""
+"""The effect of a choice that sends its order at once; such an order moves no asset."""
 
 
 class ChoiceLine(NamedTuple):
@@ -91,7 +91,7 @@ class ChooseLine(ModalScreen[str | None]):
         """Show the lines, or the text `nothing` if there are none.
 
         `more` runs in a thread and yields the whole list several times, each time with more lines.
-        `remove` removes a line and returns the others; it raises ValueError or OSError.
+        `remove` removes a line and returns the others; it raises ValueError or OSError on failure.
         """
         super().__init__()
         self._title, self._lines, self._nothing = title, list(lines), nothing
@@ -101,7 +101,7 @@ class ChooseLine(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """Yield the field, the list and the hint."""
         with Vertical(id="choose"):
-            yield LineField(id="choose-words", placeholder="type any words of it")
+            yield LineField(id="choose-words", placeholder="type any words to search for")
             yield LineRows(id="choose-list")
             yield Static(id="choose-note", markup=False)
 
@@ -114,7 +114,7 @@ class ChooseLine(ModalScreen[str | None]):
             self.run_worker(self._read, thread=True, group="lines", exit_on_error=False)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the delete key to the field if no line can be removed or if words are typed."""
+        """Leave the delete key to the field if no line can be removed or if the field has text."""
         if action == "remove":
             return self._remove is not None and not self.query_one(Input).value
         return super().check_action(action, parameters)
@@ -280,8 +280,8 @@ def track_lines(track: Track) -> list[str]:
 class Card(ModalScreen[CardChoice | None]):
     """The card of an asset, a track or a place; it returns the choice, or None.
 
-    A chosen order is typed, not sent. Only manual control is taken and given back at once, which
-    moves no asset.
+    A chosen order is typed, not sent. The exception is manual control, which is taken and given
+    back at once and moves no asset.
     """
 
     BINDINGS = [

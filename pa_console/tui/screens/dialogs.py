@@ -1,4 +1,4 @@
-"""Short dialogs: for a line, for a folder, for a yes or no, and for a log that opens slowly."""
+"""Short dialogs that ask for a line, a folder, or yes or no, and one that opens a large log."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +31,7 @@ class AskLine(ModalScreen[Answer | None], Generic[Answer]):
     def __init__(
         self, question: str, hint: str, read: Callable[[str], Answer], placeholder: str = ""
     ) -> None:
-        """Ask for a line; `read` raises ValueError, with the fault, for an invalid line."""
+        """Ask for a line; `read` raises ValueError, which names the fault, for an invalid line."""
         super().__init__()
         self._question, self._hint, self._read = question, hint, read
         self._placeholder = placeholder

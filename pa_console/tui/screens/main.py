@@ -48,7 +48,7 @@ _HELPING_TO_WRITE = (
     ("favourites", "favourites and templates"),
     ("thing", "assets and places"),
 )
-"""The actions that type an order, with their words for the prompt."""
+"""The actions that type an order, with the words that the prompt shows for each."""
 _KEYS_GO_TO = {"trace": "#trace-body", "assets": "#asset-rows"}
 """The part of a view that takes the keys, if it is not the view itself."""
 
@@ -79,7 +79,7 @@ class MainScreen(Screen[None]):
         clock: SecondsClock,
         joined: JoinedTo | None = None,
     ) -> None:
-        """Open the screen; `closed` is the reason why no mission is accepted here, '' for none.
+        """Open the screen; `closed` is the reason why no mission is accepted here, or ''.
 
         `mode` is LIVE, READ-ONLY, REPLAY, or JOINED with the name of the station whose session is
         shown. `joined` is that session.
@@ -214,7 +214,7 @@ class MainScreen(Screen[None]):
         self.focus_view("trace")
 
     def select(self, state: SessionState, by: int) -> None:
-        """Select the mission before or after; past the last one, follow the current mission."""
+        """Select the previous or next mission; past the last one, follow the current mission."""
         ids = list(state.missions)
         shown = self.selected(state)
         if shown is None:
@@ -254,7 +254,7 @@ class MainScreen(Screen[None]):
             self._show_approval(state)
 
     def show_waiting(self, text: str) -> None:
-        """Show the present wait, '' for none; do nothing on a screen that is being closed."""
+        """Show `text`, which describes a wait; do nothing if the screen is being closed."""
         for prompt in self.query(MissionPrompt):
             prompt.show_waiting(text)
 
@@ -270,7 +270,7 @@ class MainScreen(Screen[None]):
             line.show("", "")
 
     def _show_approval(self, state: SessionState) -> None:
-        """Show or withdraw the open request; focus stays while the operator is typing."""
+        """Show or withdraw the open request; keep the focus while the operator is typing."""
         panel, prompt = self.query_one(ApprovalPanel), self.query_one(MissionPrompt)
         had_keys, in_reason = panel.has_focus_within, isinstance(self.focused, Input)
         plan = self._plan_that_waits(state)
@@ -298,7 +298,7 @@ class MainScreen(Screen[None]):
                 prompt.take_cursor()
 
     def _plan_that_waits(self, state: SessionState) -> PlanPreview | None:
-        """Return the preview of the waiting plan, the same object as long as the plan waits."""
+        """Return the preview of the waiting plan; it is the same object while the plan waits."""
         trace = state.current
         request = trace.approval if trace is not None else None
         if trace is None or request is None:
@@ -323,7 +323,7 @@ class MainScreen(Screen[None]):
 
     def on_approval_panel_asked(self, message: ApprovalPanel.Asked) -> None:
         """Play the rehearsal of the shown plan, or stop it."""
-        if message.what != "play":
+        if message.wish != "play":
             return
         message.stop()
         if self._playback is not None or self._plan is None:
@@ -353,7 +353,7 @@ class MainScreen(Screen[None]):
         self.query_one(ApprovalPanel).show_moment(self._plan, moment_s)
 
     def _mark_lower(self, name: str, on: bool) -> None:
-        """Set a style class on the panes below the map; on the whole screen, it would cost more."""
+        """Set a style class on the panes below the map; setting it on the screen is slower."""
         self.query_one("#lower").set_class(on, name)
 
     def action_numbered(self, number: int) -> None:
@@ -377,7 +377,7 @@ class MainScreen(Screen[None]):
         self.query_one(MissionPrompt).put(message.order)
 
     def action_where_to_decide(self) -> None:
-        """Show where the key of a decision has an effect."""
+        """Show where a decision key has an effect."""
         if not self._decides:
             self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
         elif self.query_one(ApprovalPanel).display:

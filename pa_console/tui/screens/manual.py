@@ -34,7 +34,7 @@ _APPROVAL = (
 )  # fmt: skip
 _PROMPT = (
     ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
-    ("Why? …", "A question is answered: why, why not another, what instead; a plan still waits"),
+    ("Why? …", "Ask a question: why, why not another asset, what instead; a plan still waits"),
     ("↑ ↓", "Recall earlier missions"),
     ("Tab →", "Complete the name shown in grey; Tab again tries the next name or goes to a slot"),
     ("Alt+1 … 4", "Before the first mission: type an example"),
@@ -151,7 +151,7 @@ class ManualScreen(Screen[None]):
         self.query_one("#manual-title", Static).update(text)
 
     def _show(self, place: PagePosition) -> None:
-        """Show a place; of several requests during a layout, only the last is shown next."""
+        """Show a place; if several are requested during a layout, only the last one is shown."""
         self._wanted = place
         if not self._busy:
             self._busy = True

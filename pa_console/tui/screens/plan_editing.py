@@ -32,7 +32,7 @@ from pa_console.tui.widgets.fields import LineField, TextField
 CHECK_AFTER_S = 0.3
 """The pause in editing after which the plan is rehearsed and checked, in seconds."""
 LIKE = 60.0
-"""The least similarity of a name that is suggested, out of 100."""
+"""The minimum similarity of a name that is suggested, out of 100."""
 
 OTHER = "other"
 """The result that opens the other editor."""
@@ -56,7 +56,7 @@ def _unknown(text: str, problem: str, options: Sequence[str]) -> str:
 
 
 def plan_json(plan: Plan) -> str:
-    """Return a plan as JSON for editing, with one action a line."""
+    """Return a plan as JSON for editing, with one action per line."""
     return _written(plan.reason, [action.model_dump() for action in plan.actions])
 
 
@@ -67,7 +67,7 @@ def _written(reason: str, given: Iterable[Mapping[str, object]]) -> str:
 
 
 def read_plan(text: str) -> Plan | str:
-    """Return the plan in `text`, or its fault with the place of the fault."""
+    """Return the plan in `text`, or a message with its first fault and the place of the fault."""
     try:
         return Plan.model_validate_json(text)
     except ValidationError as error:
@@ -99,7 +99,7 @@ class FormRow:
         return fields | ({"stay_s": self.stay_s} if self.stay_s else {})
 
     def fault(self, world: World) -> str:
-        """Return the fault of the row by itself, '' if there is none."""
+        """Return the fault of the row, regardless of other rows; '' if there is none."""
         if self.agent not in world.assets:
             return _unknown(self.agent, f"no asset “{self.agent}”", tuple(world.assets))
         spec = COMMANDS.get(cast(Verb, self.verb))
@@ -135,7 +135,7 @@ def _row_of(action: Mapping[str, Any]) -> FormRow:
 
 
 class PickField(LineField):
-    """A field for a name from a list: arrows go through the list, Enter takes the most similar."""
+    """A field for a name from a list: arrows go through it, Enter takes the most similar name."""
 
     BINDINGS = [
         Binding("down", "pick(1)", "Next name", show=False),
@@ -231,7 +231,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
         """Focus the first row."""
         form = self.query_one("#plan-form")
         form.border_title = "Modify the plan"
-        form.border_subtitle = "↑ ↓ pick a name   Enter takes the likest   ^R plan as proposed"
+        form.border_subtitle = "↑ ↓ pick a name   Enter takes the nearest   ^R plan as proposed"
         if rows := self._rows:
             rows[0].agent.focus()
         self._check()

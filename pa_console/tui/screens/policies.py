@@ -192,7 +192,7 @@ class PolicyScreen(Screen[str]):
         self._begin(lambda path: self._edit(lambda: rule_save.new_rule(path, domain)))
 
     def action_remove(self) -> None:
-        """Remove the rule at the pointer, after a question."""
+        """Remove the rule at the pointer, after confirmation."""
         name = self._selected
         if name:
             self._begin(lambda path: self._remove(path, name))
@@ -206,7 +206,7 @@ class PolicyScreen(Screen[str]):
             self._refused("no mission of this session used this rule")
 
     def action_accept(self) -> None:
-        """Put the refused rules of the file in force, after a question."""
+        """Put the refused rules of the file in force, after confirmation."""
         if self._bench.offered():
             self.run_worker(self._accept(), group="edit", exclusive=True)
         else:
@@ -225,7 +225,7 @@ class PolicyScreen(Screen[str]):
             self._refused(str(error))
 
     def _begin(self, work: Callable[[Path], Coroutine[None, None, None]]) -> None:
-        """Begin to change the rule file, unless it may not be changed here."""
+        """Begin a change of the rule file, unless it may not be changed here."""
         path = self._bench.path
         if path is None or self._bench.closed:
             self._refused(self._bench.closed)

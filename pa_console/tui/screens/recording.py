@@ -1,4 +1,4 @@
-"""The main screen of a recorded session, to play, step and search it; it takes no command."""
+"""The main screen of a recorded session, to play, step through and search; it takes no commands."""
 
 import asyncio
 import re
@@ -50,13 +50,13 @@ ACCEPTED = (
 """The accepted forms, for the operator."""
 
 MOST = 500
-"""The most events that a search lists."""
+"""The maximum number of events that a search lists."""
 
 STEP = 20_000
 """The number of events searched between two checks for newer input."""
 
 WIDE = 120
-"""The least width of a banner with the signs of the marks, in cells."""
+"""The minimum width of a banner with the signs of the marks, in cells."""
 
 
 class RecordingScreen(MainScreen):
@@ -97,7 +97,7 @@ class RecordingScreen(MainScreen):
         yield Scrubber(self.player.recording.timeline, id="scrubber")
 
     def on_mount(self) -> None:
-        """Show the position of the recording, and advance it whenever it plays."""
+        """Show the position of the recording, and advance it while the recording plays."""
         self.set_interval(FRAME_S, self._tick)
         self._moved()
 
@@ -176,7 +176,7 @@ class RecordingScreen(MainScreen):
         self.notify(str(error), title="Replay", severity="error", timeout=30, markup=False)
 
     def play_pause(self) -> None:
-        """Play from now on, or pause."""
+        """Play from the current position, or pause."""
         self._seen_at = self._clock()
         self.move(Player.pause if self.player.playing else Player.play)
 
@@ -191,7 +191,7 @@ class RecordingScreen(MainScreen):
         self.move(how)
 
     def to_moment(self) -> None:
-        """Ask for a moment and go there."""
+        """Ask for a time or an event and go there."""
         from pa_console.tui.screens.dialogs import AskLine  # noqa: PLC0415 - not at the start
 
         def given(index: int | None) -> None:
@@ -246,7 +246,7 @@ def read_position(text: str, player: Player) -> int:
         return timeline.count_until(timeline.duration * float(match[1]) / 100)
     match = re.fullmatch(r"([-+s@]?)((?:\d{1,6}:){0,2}\d{1,6}(?:\.\d+)?)", text)
     if match is None:
-        raise ValueError(f"“{text}” is no moment; write one like these:\n{ACCEPTED}")
+        raise ValueError(f"“{text}” is not a time or an event; write one like these:\n{ACCEPTED}")
     sign, seconds = match[1], _seconds(match[2])
     if sign == "s":
         if not timeline.ticks_per_s:
@@ -358,7 +358,7 @@ class FindEvent(ModalScreen[int | None]):
         self.dismiss(int(event.key))
 
     async def _search(self, text: str) -> None:
-        """Show the events with all the words of `text`, one part of the recording after another."""
+        """Show the events with all the words of `text`, searching one part of the log at a time."""
         hits: list[Hit] = []
         end = len(self._recording)
         try:

@@ -40,7 +40,7 @@ class CheckedDraft:
 
 
 class RuleEditor(Screen[str]):
-    """An editor that returns the id of the rule in the file; unsaved text stays a draft."""
+    """An editor that returns the id of the saved rule; unsaved text is kept as a draft."""
 
     BINDINGS = [
         Binding("escape", "leave", "Back"),
@@ -59,7 +59,7 @@ class RuleEditor(Screen[str]):
         self._opened, self._begun = bench.drafts.get(opened.id, (opened, opened.text))
         self._timer: Timer | None = None
         self.checked: CheckedDraft | None = None
-        """The result for the present text; None until it is known."""
+        """The result for the current text; None until it is known."""
 
     def compose(self) -> ComposeResult:
         """Yield the title, the text, the results, the status and the keys."""
@@ -82,7 +82,7 @@ class RuleEditor(Screen[str]):
         self._changed()
 
     def on_unmount(self) -> None:
-        """Store the latest draft in any case."""
+        """Write the drafts to disk, even if the latest text was not checked."""
         self._bench.drafts.keep()
 
     @property
@@ -151,7 +151,7 @@ class RuleEditor(Screen[str]):
             area.focus()
 
     def action_save(self) -> None:
-        """Save the rule, after a question if there is a warning."""
+        """Save the rule, after confirmation if there is a warning."""
         self.run_worker(self._save(), group="save", exclusive=True)
 
     async def _save(self) -> None:
@@ -201,7 +201,7 @@ class RuleEditor(Screen[str]):
         return True
 
     async def _sign(self) -> None:
-        """Offer to sign a rule set again that was signed with this machine's own key."""
+        """If this machine's own key signed the rule set, offer to sign it again."""
         path = self._opened.path
         question = (
             "This machine's key signed the rule set, but the set has changed since. "
@@ -240,7 +240,7 @@ class RuleEditor(Screen[str]):
             self.query_one(TextArea).text = text
 
     def action_revert(self) -> None:
-        """Restore the text of the file, after a question."""
+        """Restore the text of the file, after confirmation."""
         self.run_worker(self._revert(), group="revert", exclusive=True)
 
     async def _revert(self) -> None:

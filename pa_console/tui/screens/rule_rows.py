@@ -26,7 +26,7 @@ _GOT = {"pass": "holds", "fail": "is broken", "not_applicable": "does not apply"
 
 
 def standing_style(seal: RulesSeal) -> str:
-    """Return the style for a rule set's standing: the less trusted it is, the more conspicuous."""
+    """Return the style for a rule set's standing: the less trusted the set, the more visible."""
     styles = {"altered": "bold reverse $text-error", "unknown key": "$text-warning"}
     return styles.get(seal.standing, NOTE if seal.key else QUIET)
 
@@ -98,7 +98,7 @@ def _as_written(value: Mapping[str, Any]) -> str:
 
 
 def _ordering(order: Ordering) -> str:
-    """Return an ordering's kind, its subjects and its time limit; the two events follow it."""
+    """Return an ordering's kind, its subjects and its time limit; its two events follow."""
     limit = f" {order.seconds} s" if isinstance(order.seconds, float) else f" {order.seconds}"
     subjects = f", each {order.each}" if order.each is not None else ""
     return f"order: {order.kind}{limit if order.seconds is not None else ''}{subjects}"
@@ -132,7 +132,7 @@ def use_rows(uses: Iterable[RuleUse]) -> Iterator[WrappedRow]:
 
 
 def draft_line(draft: RuleDraft) -> Part:
-    """Return a line on whether a rule draft can be put in force."""
+    """Return a line that shows whether a rule draft can be put in force."""
     if draft.problem is not None:
         return f"✘ {draft.problem}", BAD
     if draft.entry is not None and not draft.entry.rule.decidable:
@@ -204,5 +204,5 @@ class Workbench:
     drafts: Drafts = field(default_factory=Drafts)
 
     def __post_init__(self) -> None:
-        """Create the cases of an empty session."""
+        """Create the cases for trials, at first those of an empty session."""
         self.cases = SessionCases(self.world)

@@ -33,7 +33,7 @@ from pa_console.views.status_words import outcomes_in_words
 
 PROBLEM = "Not opened"
 MOST = 200
-"""The most sessions that are listed, newest first."""
+"""The maximum number of sessions that are listed, newest first."""
 
 
 class SessionRows(PointedRows[SessionSummary]):
@@ -121,7 +121,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         Binding("c", "compare", "Compare"),
         Binding("x", "export", "Export"),
         Binding("r", "again", "Run again"),
-        Binding("f5", "read", "Read anew", show=False),
+        Binding("f5", "read", "Read again", show=False),
     ]
 
     def __init__(self, folder: Path, clock: SecondsClock, copies: Path | None = None) -> None:

@@ -76,7 +76,7 @@ def problems(values: Settings) -> Iterable[tuple[FieldPath, str]]:
 
 
 def key_problem(keymap: Mapping[str, str]) -> KeymapError | None:
-    """Return the error that makes a keymap unusable; None if there is none."""
+    """Return the error that makes a keymap unusable; None if it can be used."""
     try:
         check_keys(keymap)
     except KeymapError as problem:
@@ -105,8 +105,8 @@ def unknown(name: str, value: str) -> str:
 class SettingChoice:
     """One choice of the screen: a field of the schema, or the keys of one action.
 
-    If there are `options`, only those are possible. Otherwise, a value is typed, and `known` has
-    some valid ones. An empty `default` is explained in the help.
+    If there are `options`, only those are possible. Otherwise, a value is typed, and
+    `suggestions` has some valid values. An empty `default` is explained in the help.
     """
 
     field: FieldPath
@@ -117,7 +117,7 @@ class SettingChoice:
     limits: str
     default: str
     options: tuple[str, ...] = ()
-    known: tuple[str, ...] = ()
+    suggestions: tuple[str, ...] = ()
 
     @property
     def id(self) -> str:
@@ -149,14 +149,14 @@ def choices() -> list[SettingChoice]:
 
 
 def value_of(loaded: LoadedSettings, choice: SettingChoice) -> str:
-    """Return the value in force, as a person types it."""
+    """Return the value in force, as it is typed in the field."""
     if choice.field[0] == "keys":
         return loaded.values.keys.get(str(choice.field[1]), choice.default)
     return value_text(getattr(loaded.values, str(choice.field[0])))
 
 
 def is_chosen(loaded: LoadedSettings, choice: SettingChoice) -> bool:
-    """Return whether the user has set the value in force, in any source."""
+    """Return whether the value in force was set by the user, in any source of settings."""
     name = str(choice.field[0])
     if name == "keys":
         return choice.field[1] in loaded.values.keys
@@ -199,7 +199,7 @@ class SettingsScreen(Screen[None]):
     HORIZONTAL_BREAKPOINTS = [(0, "-narrow"), (100, "-wide")]
 
     def __init__(self, loaded: LoadedSettings, saved: Callable[[LoadedSettings], None]) -> None:
-        """Call `saved` with the settings in force each time that a setting was saved."""
+        """Call `saved` with the settings in force after each setting that is saved."""
         super().__init__()
         self._loaded, self._tell_saved = loaded, saved
         self._choices = {choice.id: choice for choice in choices()}
@@ -266,7 +266,7 @@ class SettingsScreen(Screen[None]):
                 options.set_options((name, name) for name in choice.options)
                 options.value = value if value in choice.options else Select.NULL
             else:
-                field.suggester = SuggestFromList(choice.known, case_sensitive=False)
+                field.suggester = SuggestFromList(choice.suggestions, case_sensitive=False)
                 field.placeholder = choice.default or "empty: the default"
                 field.value = value
         self._note(note, style)
@@ -354,8 +354,8 @@ def _help(loaded: LoadedSettings, choice: SettingChoice) -> list[WrappedRow]:
     rows = [row("", (choice.title, "bold"), (f"  {choice.id}", QUIET)), row("", choice.help)]
     if choice.limits:
         rows.append(row(column("give", 8, QUIET), choice.limits))
-    if choice.known:
-        rows.append(row(column("known", 8, QUIET), ", ".join(choice.known)))
+    if choice.suggestions:
+        rows.append(row(column("known", 8, QUIET), ", ".join(choice.suggestions)))
     if choice.default:
         rows.append(row(column("default", 8, QUIET), choice.default))
     if is_chosen(loaded, choice):

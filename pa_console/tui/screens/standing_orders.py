@@ -1,4 +1,4 @@
-"""The screen of standing orders: their conditions, the missions they have started, their end.
+"""The screen of standing orders: their conditions, their missions, and how they ended.
 
 An order that waits for moments of the clock shows the next one, with a countdown.
 """
@@ -39,7 +39,7 @@ class StandingRows(PointedRows[StandingTrace]):
     )  # fmt: skip
 
     dt_s = 1.0
-    """The simulated seconds of a tick."""
+    """The length of a tick, in simulated seconds."""
     now_s = 0.0
     """The fleet's time, from which the countdowns are measured."""
 
@@ -90,7 +90,7 @@ class StandingRows(PointedRows[StandingTrace]):
             yield fact("withheld", (f"{about}{trace.withheld.reason}", WARN))
 
     def following(self, trace: StandingTrace) -> str:
-        """Return the next moment of an order and its countdown, '' for none."""
+        """Return the next moment of an order and its countdown; '' if there is none."""
         return next_in_words(trace.next, self.now_s)
 
     def _when(self, tick: int) -> str:
@@ -141,7 +141,7 @@ class StandingOrdersScreen(ListScreen[StandingRows]):
         self._ask("skip", "Skip")
 
     def action_again(self) -> None:
-        """Give an order again that is over; it needs another approval."""
+        """Submit an order again after its end; it then needs another approval."""
         self._ask("again", "Give again", in_force=False)
 
     def _ask(self, change: StandingChange, title: str, *, in_force: bool = True) -> None:

@@ -222,7 +222,7 @@ class AlarmPane(VirtualRows):
         self.set_keys(keys)
 
     def row(self, index: int, width: int) -> Content:
-        """Return a line of the list, with a pointer on the line that keys act on."""
+        """Return a line of the list; the line that keys act on has a pointer."""
         here = bool(self.cursor) and self.keys[index] == self.cursor
         pointer = ("▸ ", "bold $text-accent") if here else "  "
         return Content.assemble(pointer, self._lines[index]).truncate(width, ellipsis=True)
@@ -257,11 +257,11 @@ class AlarmPane(VirtualRows):
         self._held = False
 
     def next_alarm(self) -> None:
-        """Move the cursor to the next alarm, in a circle."""
+        """Move the cursor to the next alarm, after the last one to the first."""
         self._go_round(_ALARM)
 
     def next_mission(self) -> None:
-        """Move the cursor to the next waiting mission, in a circle."""
+        """Move the cursor to the next waiting mission, after the last one to the first."""
         self._go_round(_MISSION)
 
     def _go_round(self, prefix: str) -> None:

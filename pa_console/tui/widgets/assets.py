@@ -148,14 +148,14 @@ def _questioned(text: str, doubt: str, room: int = 11) -> str:
 
 
 def age_cell(age_s: float, *, old: bool) -> tuple[str, str]:
-    """Return the age of a report; an old one has a mark, so that it never looks fine."""
+    """Return the age of a report; an old report's age is marked, so that it never looks recent."""
     if not old:
         return f"{min(age_s, 99):.1f} s", QUIET
     return f"{min(age_s, 999):.0f} s!", BAD
 
 
 def asset_words(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance) -> str:
-    """Return the facts about an asset in which a filter looks for its words."""
+    """Return the facts about an asset that a filter searches for its words."""
     problem = "problem" if look.rank(asset) < FINE else "fine"
     low = "low battery" if asset.low_battery else ""
     return " ".join(
@@ -166,7 +166,7 @@ def asset_words(asset: AssetTelemetry, short: Mapping[str, str], look: Reliance)
 
 
 def track_words(track: Track, look: Reliance) -> str:
-    """Return the facts about a track in which a filter looks for its words."""
+    """Return the facts about a track that a filter searches for its words."""
     problem = "problem" if track_rank(track)[0] < 4 else "fine"
     seen = "stale" if look.lost(track) else ""
     warned = "warned" if track.warned else ""
@@ -178,7 +178,7 @@ def track_words(track: Track, look: Reliance) -> str:
 
 
 def camera_words(name: str, camera: CameraReport, look: Reliance) -> str:
-    """Return the facts about a camera in which a filter looks for its words."""
+    """Return the facts about a camera that a filter searches for its words."""
     state = look.camera(camera)
     return (
         f"{name} camera {camera.gate} {state} {'fine' if state == 'works' else 'problem'}".lower()
@@ -186,7 +186,7 @@ def camera_words(name: str, camera: CameraReport, look: Reliance) -> str:
 
 
 class _Item(NamedTuple):
-    """A row of the table; `name` is the title of a heading, the text of a note, or an id."""
+    """A row of the table; `name` is the title of a heading, the text of a note, or else an id."""
 
     kind: Literal["heading", "track", "asset", "camera", "note"]
     name: str
@@ -232,7 +232,7 @@ class AssetTable(VirtualRows):
         self.show(self._picture)
 
     def _arranged(self, picture: Picture, look: Reliance) -> list[_Item]:
-        """Return the rows in order: the most urgent first, equally urgent ones as they arrived."""
+        """Return the rows of each group with the most urgent first."""
         tracks = sorted(picture.tracks.values(), key=lambda t: (*track_rank(t), t.id))
         ranks = {name: look.rank(asset) for name, asset in picture.assets.items()}
         assets = sorted(picture.assets.values(), key=lambda a: ranks[a.id])
@@ -272,8 +272,8 @@ class AssetTable(VirtualRows):
         if kind == "track":
             return tracks(width).line(track_cells(picture.tracks[name], look), width)
         if kind == "camera":
-            given = picture.cameras[name]
-            return CAMERAS.line(camera_cells(name, given, look), width)
+            camera = picture.cameras[name]
+            return CAMERAS.line(camera_cells(name, camera, look), width)
         asset = picture.assets[name]
         return ASSETS.line(asset_cells(asset, self._short, look), width)
 

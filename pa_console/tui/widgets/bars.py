@@ -26,7 +26,7 @@ VIEWS = (
     ("alarms", "5 Alarms"),
 )  # fmt: skip
 STALE_AFTER_S = 5.0
-"""The wall seconds without telemetry after which it is stale; the user may change them."""
+"""The default number of wall seconds without telemetry after which telemetry is stale."""
 
 JOINED = "JOINED"
 """The beginning of the mode of a joined console; the station's name follows."""
@@ -179,16 +179,16 @@ class StatusBar(Static):
         self.update(_fitted(items, self.content_size.width), layout=False)
 
     def _next_start(self, state: SessionState) -> Content | None:
-        """Return the countdown to a standing order's next start, or else the number of orders."""
-        given = [standing for standing in state.standing.values() if standing.in_force]
-        if not given or state.ended:
+        """Return the countdown to the next start of a standing order, or else their number."""
+        in_force = [standing for standing in state.standing.values() if standing.in_force]
+        if not in_force or state.ended:
             return None
         coming = [
             (standing.next.at_s - state.time_s, standing.order.id)
-            for standing in given
+            for standing in in_force
             if not standing.paused and standing.next and standing.next.at_s is not None
         ]
-        text = f"  {count(len(given), 'standing order')}"
+        text = f"  {count(len(in_force), 'standing order')}"
         if coming:
             left_s, order = min(coming)
             text = f"  {order} in {clock_text(max(left_s, 0.0))}"
@@ -219,7 +219,7 @@ class StatusBar(Static):
         return Content.styled("● LIVE" if mode == "LIVE" else f" {mode} ", style)
 
     def _gates(self, state: SessionState) -> tuple[Content, str]:
-        """Return the gates that are not covered, and a short count; '' if all are covered.
+        """Return the uncovered gates in words, and a shorter text; it is '' if all are covered.
 
         A gate with unknown cover counts as not covered.
         """
@@ -251,7 +251,7 @@ class StatusBar(Static):
         return [(words, f"bold {mark.style}")] if names else []
 
     def _mission(self, state: SessionState, mode: str) -> tuple[Content, str]:
-        """Return the active mission, and whose action it waits for."""
+        """Return the active mission, and a sign if it waits for a decision."""
         if state.ended:
             return Content.styled(f"session ended: {state.ended}", "$text-warning"), ""
         if state.stop is not None:
@@ -269,7 +269,7 @@ class StatusBar(Static):
 
 
 class _Item(NamedTuple):
-    """A part of the status bar; a higher rank is left out first, and rank 0 never is."""
+    """A part of the status bar; higher ranks are left out first, and rank 0 is never left out."""
 
     rank: int
     content: Content
@@ -296,14 +296,14 @@ def _cells(items: list[_Item]) -> int:
 
 
 def _rules_alarm(seal: RulesSeal | None) -> str:
-    """Return the alarm for a fault of the rules in force; '' for none."""
+    """Return the alarm for a fault of the rules in force; '' if they have no fault."""
     if seal is None:
         return ""
     if seal.altered:
         return "RULES ALTERED"
     if seal.no_critical_check:
         return "RULES: NO CRITICAL CHECK"
-    return "RULES ACCEPTED, NOT VOUCHED FOR" if seal.accepted else ""
+    return "RULES ACCEPTED, NOT VERIFIED" if seal.accepted else ""
 
 
 class KeyFooter(Footer):

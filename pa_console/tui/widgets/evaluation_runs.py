@@ -54,7 +54,7 @@ _NO_RUNS = (
 )
 _GAP = "  "
 LEAST_TEXT = 14
-"""The least width of a text column, in cells; without this room, the table exceeds the screen."""
+"""The minimum width of a text column, in cells; a table may therefore exceed the screen."""
 
 LEAST_WIDTH = 40
 
@@ -96,7 +96,7 @@ def _has(record: RunRecord, words: Sequence[str]) -> bool:
 
 
 def run_rows(record: RunRecord) -> list[WrappedRow]:
-    """Return the rows of a run, from its command to its latency; faults come before the rest."""
+    """Return the rows of a run, from its command to its latency; faults come before other facts."""
     strict = _score(record.strict)
     expected: list[Part] = [EXPECTED[record.expect]]
     if record.category:
@@ -129,7 +129,7 @@ def run_rows(record: RunRecord) -> list[WrappedRow]:
                "   after ", *_opinion(record.judge_outcome, record.strict))
     )  # fmt: skip
     if record.obeyed != record.strict:
-        rows.append(fact("", f"obeyed before execution, it would have been {_word(record)}"))
+        rows.append(fact("", f"if the operator had obeyed the judge: {_word(record)}"))
     if record.verification is not None:
         rows.append(fact("telemetry", term("outcome", record.verification).part))
     rows.append(fact("answers", *_answers(record)))
@@ -186,7 +186,7 @@ def _latency(metrics: Metrics) -> list[WrappedRow]:
 
 
 def title_text(folder: Path, *, tables: bool, width: int) -> Content:
-    """Return the title with the two views, the shown one marked, and the end of the path."""
+    """Return the title with both views, the shown one marked, and the end of the path."""
     marked = "bold reverse $text-primary"
     head = Content.assemble(
         ("Evaluation  ", "bold $text-primary"),
@@ -200,7 +200,7 @@ def title_text(folder: Path, *, tables: bool, width: int) -> Content:
 
 
 def totals_text(shown: Sequence[RunRecord], runs: int, problem: str) -> Content:
-    """Return the number of shown runs with their rates, or the reason why none can be read."""
+    """Return the number of shown runs and their success rates, or the problem in reading them."""
     if problem:
         return Content.styled(f"✘ {problem}", BAD)
     of = "" if len(shown) == runs else f" of {runs:,}"
@@ -231,7 +231,7 @@ def homely(path: Path) -> str:
 
 
 def tables_text(tables: Sequence[ReportTable], width: int) -> Content:
-    """Return all tables, one below the other, `width` cells wide unless their numbers need more."""
+    """Return all tables, one below another, `width` cells wide unless their numbers need more."""
     lines: list[Content] = []
     for table in tables:
         lines += layout([row("", (table.title, f"bold {NOTE}"))], width)
@@ -273,7 +273,7 @@ def _widths(table: ReportTable, numeric: Sequence[bool], width: int) -> list[int
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) -> list[Content]:
-    """Return one row of cells, with as many lines as its highest cell."""
+    """Return one row of cells, with as many lines as its tallest cell."""
     wrapped = [Content(text).wrap(room) for text, room in zip(cells, widths, strict=True)]
     lines: list[Content] = []
     for number in range(max(map(len, wrapped), default=0)):
@@ -304,7 +304,7 @@ class ReportTables(ScrollableContainer):
             self.query_one(Static).update(instead)
 
     def on_resize(self, _event: events.Resize) -> None:
-        """Lay the tables out for the present width."""
+        """Lay the tables out for the current width."""
         if self._tables:
             self._write()
 

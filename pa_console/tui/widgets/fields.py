@@ -16,7 +16,7 @@ from pa_console.schema.text import visible
 
 
 class CheckBox(Static, can_focus=True):
-    """A box that Space, Enter or a click ticks; `name` identifies the accepted point."""
+    """A box that Space, Enter or a click ticks; `name` is the id of the rule to acknowledge."""
 
     BINDINGS = [Binding("enter,space", "tick", "Tick", show=False)]
 
@@ -74,9 +74,9 @@ class TextField(TextArea):
     """A field for many lines, with the usual keys for the beginning and the end of the text."""
 
     BINDINGS = [
-        Binding("ctrl+home", "to_edge", "Begin of the text", show=False),
+        Binding("ctrl+home", "to_edge", "Beginning of the text", show=False),
         Binding("ctrl+end", "to_edge(True)", "End of the text", show=False),
-        Binding("ctrl+shift+home", "to_edge(False, True)", "Select to the begin", show=False),
+        Binding("ctrl+shift+home", "to_edge(False, True)", "Select to the beginning", show=False),
         Binding("ctrl+shift+end", "to_edge(True, True)", "Select to the end", show=False),
     ]
 
@@ -89,7 +89,7 @@ class TextField(TextArea):
         event.text = visible(event.text.replace("\r\n", "\n").replace("\r", "\n"))
 
     def action_to_edge(self, end: bool = False, select: bool = False) -> None:
-        """Move the cursor to the beginning or the end of the text; `select` selects up to it."""
+        """Move the cursor to the beginning or end of the text; `select` extends the selection."""
         self.move_cursor(self.document.end if end else self.document.start, select=select)
 
 

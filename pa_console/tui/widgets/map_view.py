@@ -30,7 +30,7 @@ GAP_S = 6.0
 """The longest gap between two pictures that a trail bridges, in seconds."""
 
 STEP_M = 0.5
-"""The least movement of a trail, in metres; less is noise of the position."""
+"""The minimum movement that extends a trail, in metres; less movement is position noise."""
 
 MOST_THINGS = 200
 """The largest team with trails; more trails would cover the map."""
@@ -47,18 +47,18 @@ LEGEND = (
     ("⊕", "MANUAL", "manual"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
     ("▿?", "camera unknown", "camera-unknown"), ("3", "assets here", "crowd"),
-    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "way so far", "trail"),
+    ("◆", "covered", "gate-covered"), ("⠤", "route", "route"), ("⠂", "path so far", "trail"),
     ("▿", "camera", "camera"), ("╱", "restricted", "zone"),
 )  # fmt: skip
 """The glyph, word and role of each sign; a sign is listed only while its role is on the map."""
 
 LEGEND_FROM_ROWS = 13
-"""The least height of a map with a legend, in rows."""
+"""The minimum height of a map with a legend, in rows."""
 
 RIGHT_BUTTON = 3
 MOST_ZOOM = 16.0
 FOLLOW_ZOOM = 2.0
-"""The least zoom when the map begins to follow an item."""
+"""The minimum zoom when the map begins to follow an item."""
 
 SCALES_M = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000)
 SCALE_COLUMNS = 7
@@ -156,7 +156,7 @@ class MapView(Widget):
             self._draw_next()
 
     def lay(self, background: Background) -> None:
-        """Use `background` beneath everything, in place of the world's own."""
+        """Use `background` beneath everything, in place of the world's own background."""
         self._scene.lay(background)
 
     def show_plan(self, plan: PlanPreview | None, moment_s: float | None = None) -> None:
@@ -233,10 +233,10 @@ class MapView(Widget):
         return self._zoom, self._centre
 
     def _fit_of(self, width: int, height: int) -> tuple[int, int]:
-        """Return the size for the scale: the largest since the terminal has had its present size.
+        """Return the size that sets the scale: the largest since the terminal was last resized.
 
-        When a pane opens, the map therefore loses the surroundings of the site and keeps its scale,
-        unless a frame would be out of sight.
+        When a pane opens, the map therefore keeps its scale and loses the surroundings of the site,
+        unless a frame would then be out of sight.
         """
         if self._fit_for != self.app.size:
             self._fit, self._fit_for = (width, height), self.app.size

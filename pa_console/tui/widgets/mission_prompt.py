@@ -34,21 +34,21 @@ _ASK = "Why?   Why not ASSET?   What would you do instead?   Enter asks it"
 """The text of the empty prompt if only questions are accepted."""
 
 PUT_S = 0.5
-"""The time after a text was put here in which `Enter` does not send it, in seconds.
+"""The time in seconds for which `Enter` does not send a text that was put here.
 
-Such an `Enter` restarts the time.
+An `Enter` within this time restarts it.
 """
 
 MOST_SHOWN = 6
-"""The most names that are shown for a slot; the rest are counted."""
+"""The maximum number of names that are shown for a slot; the rest are counted."""
 
 HEADING = "To begin: a key types the order, Enter sends it"
 
 
 class _TriedCompletion(NamedTuple):
-    """A completed name, its number among those found, and the text and cursor after it."""
+    """A completion written by Tab, the number of its name, and the text and cursor afterwards."""
 
-    found: Completion
+    completion: Completion
     number: int
     text: str
     cursor: tuple[int, int]
@@ -128,9 +128,9 @@ class MissionInput(TextField):
             event.prevent_default()
 
     def action_send(self) -> None:
-        """Post the text for sending, unless the key is held or was meant for another purpose.
+        """Post the text for sending, unless Enter is held down or was meant for another purpose.
 
-        Such a key restarts the wait.
+        Such an Enter restarts the wait.
         """
         now_s = self._clock()
         if self._put_at_s is not None and now_s - self._put_at_s < PUT_S:
@@ -142,7 +142,7 @@ class MissionInput(TextField):
     # Texts that are put here
 
     def put(self, text: str) -> None:
-        """Type `text` in place of the present text, which `ctrl+z` restores."""
+        """Type `text` in place of the current text, which `ctrl+z` restores."""
         if self.text:
             self.replace(text, self.document.start, self.document.end)
         else:
@@ -212,11 +212,11 @@ class MissionInput(TextField):
         elif (
             tried is not None
             and (self.text, self.cursor_location) == tried[2:]
-            and len(tried.found.names) > 1
+            and len(tried.completion.names) > 1
         ):
-            names = tried.found.names
+            names = tried.completion.names
             number = (tried.number + 1) % len(names)
-            self._write_name(tried.found, number, len(names[tried.number]))
+            self._write_name(tried.completion, number, len(names[tried.number]))
         else:
             self.screen.focus_next()
 
@@ -241,14 +241,14 @@ class MissionInput(TextField):
         self.insert("\n")
 
     def action_earlier(self) -> None:
-        """Move a line up; from the first line, recall the mission before."""
+        """Move a line up; from the first line, recall the previous mission."""
         if self.cursor_at_first_line:
             self._recall(-1)
         else:
             self.action_cursor_up()
 
     def action_later(self) -> None:
-        """Move a line down; from the last line, recall the mission after."""
+        """Move a line down; from the last line, recall the next mission."""
         if self.cursor_at_last_line:
             self._recall(1)
         else:
@@ -309,7 +309,7 @@ class MissionPrompt(Horizontal):
     ) -> None:
         """Build the prompt; `closed` is the reason why no missions are accepted, empty if they are.
 
-        With `asks`, questions are accepted all the same.
+        If `asks` is True, questions are still accepted.
         """
         super().__init__(id="prompt")
         self._history, self._closed_why = history, closed
@@ -377,7 +377,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def put(self, text: str) -> None:
-        """Type a text into the field in place of the present text; nothing is sent."""
+        """Type a text into the field in place of the current text; nothing is sent."""
         if self._takes:
             self.query_one(MissionInput).put(text)
             self.take_cursor()
@@ -416,7 +416,7 @@ class MissionPrompt(Horizontal):
         field.move_cursor(field.document.end)
 
     def show_waiting(self, text: str) -> None:
-        """Show the present wait in the line above, or in the field if there is no such line.
+        """Show `text`, which describes a wait, in the line above, or else in the field.
 
         A text that is being typed is never covered.
         """
@@ -424,7 +424,7 @@ class MissionPrompt(Horizontal):
         self._say_above()
 
     def _say_above(self) -> None:
-        """Show the effect of Tab in the line above, or else the present wait."""
+        """Show the effect of Tab in the line above, or else the text of `show_waiting`."""
         above = bool(self.styles.border_top[0])
         keys = self._keys if self.has_cursor and not self.draft else ""
         text = self._hint or self._waiting

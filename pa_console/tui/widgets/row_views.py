@@ -125,7 +125,7 @@ class VirtualRows(ScrollView):
         raise NotImplementedError
 
     def sticky(self, first: int, width: int) -> Content | None:
-        """Return the content to keep in the top line while row `first` is there, or None."""
+        """Return the content to show in the top line instead of row `first`, or None."""
         del first, width
         return None
 
@@ -235,8 +235,8 @@ class VirtualRows(ScrollView):
 class PointedRows(VirtualRows, Generic[Item]):
     """A table with a row for each item; the pointer stays on its row when others arrive.
 
-    Subclasses set `COLUMNS` with their least widths, and define the cells of a row and the columns
-    that grow.
+    Subclasses set `COLUMNS` with their minimum widths, and define the cells of a row and the
+    columns that grow.
     """
 
     COLUMNS: ClassVar[Layout]
@@ -266,7 +266,7 @@ class PointedRows(VirtualRows, Generic[Item]):
         self.set_keys(list(self.items))
 
     def grown(self, room: int) -> Mapping[str, int]:
-        """Return the cells that each growing column gets of the remaining `room`."""
+        """Return the number of cells of the remaining `room` that each growing column gets."""
         raise NotImplementedError
 
     def cells(self, key: str) -> Cells:

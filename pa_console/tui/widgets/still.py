@@ -19,7 +19,7 @@ ReadStill = Callable[[CameraStill], bytes | None]
 """A function that returns the stored file of a still; None if it is missing or has changed."""
 
 BESIDE = 40
-"""The least width of a still with its caption beside it and not below it, in cells."""
+"""The minimum width of a still with its caption beside it and not below it, in cells."""
 STILL_ROWS = 7
 """The height of a still with its caption beside it, in lines."""
 _CAPTION, _MOST_PIXELS = 16, 4_000_000

@@ -21,11 +21,11 @@ from pa_console.views.trace_planning import Rules
 
 _SHOWN = TraceOptions()
 
-NO_MISSION = "No mission yet. Type one below, for example what should be watched or moved where."
+NO_MISSION = "No mission yet. Type one below, for example what to watch, or what to move where."
 
 
 def sections(trace: MissionTrace, rules: Rules) -> list[RowSection]:
-    """Return everything known about the mission, in the order in which it happened."""
+    """Return the sections of the mission's trace, in the order of the events."""
     return [shown for part in lay_out(trace, rules, _SHOWN) for shown in drawn(part)]
 
 
@@ -46,10 +46,10 @@ def _own_rows(section: trace_parts.TraceSection) -> Iterable[WrappedRow]:
     return (WrappedRow(content(item.lead), content(item.body)) for item in rows_of(section))
 
 
-def _spread(given: Iterable[trace_parts.TraceSection]) -> list[WrappedRow]:
+def _spread(parts: Iterable[trace_parts.TraceSection]) -> list[WrappedRow]:
     """Return the rows of sections under their titles."""
     result: list[WrappedRow] = []
-    for section in given:
+    for section in parts:
         result += [row("", content(title_of(section))), *_own_rows(section)]
         result += _spread(section.parts)
     return result
