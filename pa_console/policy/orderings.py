@@ -65,7 +65,7 @@ def moment_values(now: Moment) -> dict[str, Any]:
 
 
 class Evaluator:
-    """Evaluates expressions for subjects in one world, and caches each distinct result."""
+    """An evaluator of expressions about subjects in one world; it caches each distinct result."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -92,7 +92,7 @@ class Evaluator:
         return self._known[key]
 
     def prepare(self, order: Ordering, *expressions: Expression) -> None:
-        """Find the fields that the `expressions` of an ordering read; this needs no deadline."""
+        """Find the fields that the `expressions` of an ordering read, outside any deadline."""
         for expression in expressions:
             expression.reads(_SHAPES[_KINDS[order.each]])
 
@@ -139,7 +139,7 @@ _SHAPES: Mapping[type[Subject], Shapes] = {
     kind: {"it": flat(names), "id": None, "now": None, "world": WORLD_SHAPE}
     for kind, names in _NAMES.items()
 }
-"""The structure of each kind of subject, for its expressions."""
+"""The structure of the variables for each kind of subject."""
 
 _KINDS: Mapping[str | None, type[Subject]] = {
     "track": TrackMoment,

@@ -104,9 +104,9 @@ class Condition(StrictModel):
     """The condition under which an order applies."""
 
     fact: Fact
-    subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
+    subject: str = Field(default="", description="a gate for tracks and cover, otherwise an asset")
     track: TrackKind = ""
-    kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
+    kind: AssetKind | None = Field(default=None, description="the kind that is free or not")
 
 
 class ConditionForm(NamedTuple):

@@ -61,7 +61,7 @@ _ANY = NamePatterns(
 """The patterns of all names that can be read, whether they exist or not."""
 _CLAUSES: tuple[tuple[Clause, re.Pattern[str]], ...] = tuple(
     (clause, re.compile(pattern))
-    for clause, pattern in clause_patterns(_ANY, lambda slot, what: f"(?P<{slot}>{what})")
+    for clause, pattern in clause_patterns(_ANY, lambda slot, pattern: f"(?P<{slot}>{pattern})")
 )
 _SLOTS: Mapping[str, str] = {"at": "place", "stranger": "thing"}
 """The groups of an expression that are not named like their slots, each with its slot."""
