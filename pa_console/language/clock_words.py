@@ -97,7 +97,10 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, whether the half of the day is clear, and if it is bare."""
+    """Return the hour, minute and second of a time, and two flags; None if there is no time.
+
+    The flags are True if the half of the day is settled, and if the time is only a number.
+    """
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):

@@ -376,7 +376,7 @@ def _are_meant(world: World, ban: Demand, demand: Demand) -> bool:
 
 
 def _apart(first: Demand, second: Demand) -> bool:
-    """Return whether two demands send one asset to two places, or both move it and leave it.
+    """Return whether two demands send one asset to two places, or move it and keep it in place.
 
     *Move it there and hold* is a sequence, because only staying in the present place excludes
     moving.

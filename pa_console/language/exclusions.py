@@ -77,7 +77,10 @@ def _listed(any_name: str) -> str:
 
 
 def _corrects_the_last(world: World, text: str, mentions: Sequence[re.Match[str]]) -> bool:
-    """Return whether `text` has only names, without a place or verb, to correct the last order."""
+    """Return whether `text` corrects the last order.
+
+    It does if it only names assets, as in *not Drone_T04*, without a place or a verb.
+    """
     first, last = mentions[0], mentions[-1]
     begins = _NOT_ALONE.fullmatch(text[: first.start()]) is not None
     between = text[first.end() : last.start()].strip(" ,.;:-").lower()

@@ -372,7 +372,7 @@ class _OrderWords:
         )
 
     def _has_fault(self, name: str) -> bool:
-        """Return whether the words mention the fault of the asset `name`."""
+        """Return whether the words mention a fault that the asset `name` has."""
         asset = self._picture.assets.get(name)
         if asset is None:
             return False

@@ -2,8 +2,8 @@
 
 *Do not send Drone_T04 there*, *yesterday we moved it*, *a visitor says: send it* and *when I say
 go, send it* name assets, gates and movements, just as orders do. Their grammar shows that they are
-not orders: the verb is negated, in the past or part of a supposition, another person speaks, or the
-words are a quotation, a question or tied to a condition that no sensor shows. The signs are
+not orders. The verb is negated, in the past or part of a supposition; another person speaks; or the
+words are a quotation, a question, or subject to a condition that no sensor shows. The signs are
 patterns of words (`lexicon.yaml`, *mood*). A text is not an order if one of its parts has such a
 sign and no other part asks for anything.
 """

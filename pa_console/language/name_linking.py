@@ -51,7 +51,7 @@ _DETERMINERS = frozenset(_WORDS["determiners"])
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
 _ARTICLES = re.compile(r"\b(?:the )+$")
 _JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
-"""The separators between the words of one name; a dot may come first after an abbreviation."""
+"""The separators between the words of one name; after an abbreviation, a dot may precede them."""
 _LONGEST = 4
 """The largest number of words that are matched as one name."""
 _MOST_DIGITS = 4

@@ -188,7 +188,7 @@ class _Grammar:
         return _TopicWords("other_asset", subjects) if subjects else None
 
     def _task(self) -> None:
-        """Read the purpose for which an asset is sent, if it is only a place."""
+        """Read the place or purpose for which an asset is sent: *to the gate*, *for that*."""
         reader = self._reader
         reader.take("instead")
         self._place()

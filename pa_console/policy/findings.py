@@ -1,4 +1,4 @@
-"""Findings in words, and findings about plans that cannot be started: unknown names, wrong kinds.
+"""Findings in words, and findings about plans that cannot be started, such as unknown names.
 
 Findings about plans concern the vocabulary, so they have an id of their own, and no rule file can
 disable them. The plan itself is returned as it is: nothing is dropped or repaired.

@@ -16,7 +16,7 @@ STANDS_MPS = 0.05
 """The speed below which an asset counts as standing still."""
 
 SURE_SIGMAS = 3.0
-"""The position error, in sigmas, that a gap must exceed before it counts as too small."""
+"""The position error, in sigmas, that is added to a gap before it is compared with the standoff."""
 
 MOST_BLOCKED = 1
 """The number of blocked gates above which a track inside counts as shut in (ROE-12)."""

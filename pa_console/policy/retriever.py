@@ -29,8 +29,8 @@ DECIMALS = 9
 
 K1, B = 1.2, 0.75
 OFFSET = 60.0
-"""The offset that makes the first places more equal; the value of Cormack, Clarke and Buettcher
-(SIGIR 2009)."""
+"""The offset that makes the first places more equal; its value is that of Cormack, Clarke and
+Buettcher (SIGIR 2009)."""
 _WORD = re.compile(r"\w+")
 ALIKE = 0.3
 """The least likeness at which a different spelling counts; its weight is the square of its
@@ -114,7 +114,7 @@ class Bm25Ranking:
 
 
 class FusionRanking:
-    """The sum of 1 / (OFFSET + place) over rankings of the same rules; equal scores share it."""
+    """The sum of 1 / (OFFSET + place) over rankings of the same rules; equal scores tie."""
 
     def __init__(self, rankings: Mapping[str, RuleRanking]) -> None:
         """Fuse `rankings`; their names become the names of the score's parts."""
@@ -174,9 +174,9 @@ class RelatedRanking:
     The nearness of a rule to a word of the mission is the nearness of its nearest word: 1 for the
     same word, the square of their likeness for a different spelling, and RELATED times the fit of
     both to a group of the vocabulary for a related word. Each nearness is weighted by its rarity:
-    the logarithm of the number of rules, divided by the number of rules that are at least as near.
-    So if many rules concern a topic, the few that use the mission's own word rank first. `words` is
-    the score by spelling, `related` the score by vocabulary. Longer rules score lower.
+    the logarithm of the ratio of all rules to the rules that are at least as near. So if many rules
+    concern a topic, the few that use the mission's own word rank first. `words` is the score by
+    spelling, `related` the score by vocabulary. Longer rules score lower.
     """
 
     def __init__(self, rules: Sequence[Rule], vocabulary: Vocabulary) -> None:

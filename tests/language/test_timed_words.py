@@ -101,7 +101,7 @@ def test_what_is_no_time_of_the_order_is_none(text: str) -> None:
         ("Every second send a drone to the east gate.", "too often"),
         ("At 16:45 Drone_T04 home and at 17:00 Drone_T03 home.", "two times"),
         ("Tomorrow Drone_T04 home.", "At what time"),
-        ("In a few minutes send Drone_T04 home.", "is not an exact time"),
+        ("In a few minutes send Drone_T04 home.", "gives no exact starting time"),
         ("Every ten minutes look at the depot with Drone_T04 until 08:10.", "has passed"),
         ("At 16:45.", "What is to be done"),
     ],

@@ -72,7 +72,7 @@ class DigestTrack:
 
     @property
     def identity_words(self) -> str:
-        """The identity and the intent in words; without an identity, only a hostile intent."""
+        """The identity in words, with the intent if the identity is known or the intent hostile."""
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
         return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"

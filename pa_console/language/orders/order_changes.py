@@ -1,4 +1,4 @@
-"""Words that take effect at once: changes of standing orders, and manual control of an asset.
+"""Words that take effect at once: changes to standing orders, and manual control of an asset.
 
 *Stop the west patrol*, *skip the next one* and *revoke S2* are read as changes only if they
 identify an order in force: by its id, by words of its text, or because it is the only one. *Take
@@ -67,7 +67,7 @@ class Changeable(Protocol):
 
     @property
     def order(self) -> str:
-        """The order in the words of the console."""
+        """The order as the console has read it."""
         ...
 
 

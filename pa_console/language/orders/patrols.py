@@ -1,7 +1,7 @@
 """A parser for patrols: *patrol west and north twice*, *have a robot walk the gates*.
 
-No model reads patrols. Every word must have a part in the patrol. The operator is asked about words
-that do not, and about a patrol without an end.
+No model reads patrols. Every word must belong to the description of the patrol. The operator is
+asked about any other words, and about a patrol without an end.
 """
 
 import math

@@ -66,14 +66,14 @@ _OPENING = re.compile(
 )
 _IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
 _TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""Words before *ever* in talk, which is no condition: *if it were up to me nothing would ever*."""
+"""Words before *ever* that mark mere talk: *if it were up to me nothing would ever*."""
 _WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
 _NO_CONDITION = re.compile(
     r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
     r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
     re.IGNORECASE,
 )
-"""Words after *whenever* in talk and polite phrases, which are not conditions."""
+"""Words after *whenever* that mark mere talk or a polite phrase."""
 _UNASKED = re.compile(
     r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
 )

@@ -28,7 +28,7 @@ from pa_console.schema.world import World
 SHORTEST_S = 60.0
 """The shortest interval of a repeating order, in seconds, unless a setting changes it."""
 MOST_AHEAD = timedelta(days=31)
-"""The longest time from now until an order may begin."""
+"""The longest time from now to the beginning of an order."""
 JUST_S = 1.0
 """The seconds for which a clock time that has just passed still means the present moment."""
 
@@ -48,7 +48,7 @@ def read_timed(
     answers: Mapping[str, str] = MappingProxyType({}),
     shortest_s: float = SHORTEST_S,
 ) -> ReadTimed | Unclear | None:
-    """Return the timed order in `text`, a question about its times, or None if it has none.
+    """Return the timed order in `text`, a question about its times, or None without a time.
 
     `now` is the station's local time; `answers` are the operator's earlier answers about times in
     the text.
@@ -88,9 +88,8 @@ def _schedule(  # noqa: PLR0911 - one for each possible problem
     if latest and latest.startswith(TIME_WORDS["last_at"]):
         phrases.vague = phrases.until[0] if phrases.until else ""
     if phrases.vague:
-        return Unclear(
-            "", f"“{phrases.vague}” is not an exact time: at what time, or in how many minutes?"
-        )
+        question = "at what time, or in how many minutes?"
+        return Unclear("", f"“{phrases.vague}” gives no exact starting time: {question}")
     if len(phrases.starts) > 1:
         both = " and ".join(f"“{words}”" for words, _ in phrases.starts)
         return Unclear("", f"{both} are two times: give a separate order for each.")

@@ -279,7 +279,10 @@ def is_bare(scene: ReferenceScene, gate: str) -> bool:
 
 
 class ReadSet(NamedTuple):
-    """A set that ends before token `end`; `clear` is False if the picture has another number."""
+    """A set of assets or gates that ends before token `end`.
+
+    `clear` is False if the words give a number that does not match the picture.
+    """
 
     members: tuple[str, ...]
     sort: Sort

@@ -412,7 +412,10 @@ class _DescriptionParser:
         return True
 
     def _means_contact(self) -> bool:
-        """Return whether *vehicle* means a contact, by the word before it or by one in sight."""
+        """Return whether *vehicle* means a contact.
+
+        It does after a word such as *warn*, or if a vehicle is in sight.
+        """
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 

@@ -96,7 +96,7 @@ class _FollowingOrder:
         return ResolvedOrder(order, ((self._turn.text.strip(), order),), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
-        """Return an order, in words, that `agent` repeats `move`, at `place` if it is given."""
+        """Return an order in words: `agent` repeats `move`, at `place` if it is given."""
         target = place or self._turn.target(move)
         if target == self._scene.world.base:
             return f"{agent} home"
@@ -250,9 +250,9 @@ class _FollowingOrder:
         return self._scene.world.assets[move.agent].kind
 
     def _nearest_free(self, team: Sequence[str], place: str) -> str:
-        """Return the free asset of `team` nearest to `place` that was not sent yet; '' if none is.
+        """Return the free asset of `team` nearest to `place` that was not sent yet, or ''.
 
-        The operator has left the choice open.
+        Any such asset would do, because the operator has left the choice open.
         """
         scene = self._scene
         free = [

@@ -52,7 +52,7 @@ class Pronouns:
         )
 
     def last_assets(self) -> list[str]:
-        """Return the assets that the last mission moved; if one, also the asset moved before it."""
+        """Return the assets of the last mission; if it moved one, also the asset moved before."""
         turn = self._turn
         if len(turn.movers) > 1:
             return turn.movers

@@ -165,9 +165,9 @@ def resolve(
 
 
 def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
-    """Return the question about which gate *the gate* means; None if there is nothing to ask.
+    """Ask which gate *the gate* means; return None if the question is not needed.
 
-    A marked gate, the only gate with a track and the only gate without a guard need no question.
+    It is not needed if a gate is marked, or if only one gate has a track or is without a guard.
     """
     gates = scene.gates
     seen = {track.gate for track in scene.picture.tracks.values()} & {*gates}
@@ -406,7 +406,7 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     """Return the order due for an asset whose reported state telemetry confirms.
 
     Returns '' if no asset or several assets are named, or if telemetry does not confirm the report.
-    The words are then read as they stand. *One of the drones* is the only drone in that state.
+    The words are then read as they stand. *One of the drones* means the only drone in that state.
     """
     tokens = read_tokens(text)
     names = frozenset(token.written for token in tokens if token.written in scene.world.assets)

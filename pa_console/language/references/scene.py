@@ -24,7 +24,7 @@ _NOBODY: frozenset[str] = frozenset()
 
 @dataclass(frozen=True)
 class Move:
-    """A command to one asset, and the frame `before`, where the asset was; '' for none."""
+    """A command to one asset; `before` is the frame where the asset was, or ''."""
 
     agent: str
     verb: Verb

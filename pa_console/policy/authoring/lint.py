@@ -33,7 +33,7 @@ _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LOOKED_UP = re.compile(r"\b(gates|assets)\s*\[\s*['\"](\w+)['\"]\s*\]")
 
 _GENERAL = re.compile(r"(?i)\bassets?\b")
-"""The word with which a text refers to kinds of assets that it does not name."""
+"""The word by which a text refers to kinds of assets without naming them."""
 
 FOUND_AMONG = 3
 """The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
@@ -150,7 +150,7 @@ class Paraphraser:
 
 
 def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
-    """Yield each rule that less than a share of FEWEST of its paraphrases retrieves.
+    """Yield the rules for which the share of paraphrases that retrieve them is below FEWEST.
 
     A rule is retrieved if it is among the first FOUND_AMONG. Critical rules are left out, because
     the models always see them, and so are rules that the models never see or that not even their
@@ -329,7 +329,7 @@ def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
         likeness = _likeness(first.text, second.text)
         if likeness == 100.0:
             remedy = "remove one of them"
-            yield Doubt(second, "text", "duplicate", f"it has the text of {first.id}", remedy)
+            yield Doubt(second, "text", "duplicate", f"its text equals that of {first.id}", remedy)
         elif likeness >= NEAR:
             problem = f"its text is {likeness:.0f} % the same as that of {first.id}"
             remedy = "merge them, or show how they differ"

@@ -1,4 +1,4 @@
-"""The check of a rule while it is written: parsing, compiling, examples, and the problems."""
+"""The check of a rule that is being written: parsing, compiling, examples and problems."""
 
 import re
 from collections.abc import Collection
@@ -20,7 +20,7 @@ _STATUS = {"complies": "pass", "violates": "fail"}
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem in a draft: its field, line and column; these count from 1, and 0 is unknown."""
+    """A problem in a draft; `line` and `column` count from 1, and are 0 if they are unknown."""
 
     line: int
     column: int
@@ -94,7 +94,7 @@ def _run(rule: Rule, example: RuleExample) -> ExampleResult:
 
 
 def _refuse_unknown(document: Document) -> None:
-    """Report an unknown field before a missing one, which it may be, misspelled."""
+    """Report an unknown field first, because it may be a missing field, misspelled."""
     fields = cast(Plain, document.value) if isinstance(document.value, dict) else {}
     for key in fields:
         if key not in Rule.model_fields:

@@ -148,7 +148,7 @@ class RuleText:
             raise self._error(1, "expected a list of rules under 'rules:'")
         if node.flow_style:
             where = node.start_mark.line + 1
-            raise self._error(where, "the rules are in [ ]; list them below each other with '- '")
+            raise self._error(where, "the rules are in [ ]; write them one below the other")
         return node
 
     def _block(self, node: yaml.Node) -> _Block:
@@ -228,7 +228,7 @@ class RuleText:
 
 
 def _ends(node: yaml.Node) -> Iterator[int]:
-    """Yield the end of every value within `node` but block collections, whose end is not exact."""
+    """Yield the ends of all values in `node` except block collections, whose ends are not exact."""
     if isinstance(node, yaml.ScalarNode) or (
         isinstance(node, yaml.CollectionNode) and node.flow_style
     ):
@@ -324,7 +324,10 @@ def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
 
 
 def remove_rule(opened: OpenRule, *, anyway: bool = False) -> OpenRule:
-    """Remove the opened rule; raises ValueError for the only rule, else as `save_rule` does."""
+    """Remove the opened rule from the file.
+
+    Raises ValueError for the only rule, and otherwise the errors of `save_rule`.
+    """
     return _replace(opened, lambda cut: cut.remove(opened.id), anyway=anyway)
 
 

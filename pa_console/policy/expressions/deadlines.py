@@ -19,8 +19,8 @@ USUAL_SIZE = 200
 proportion."""
 
 ROUNDS_A_LOOK = 8
-"""The rounds of a loop between two readings of the clock, because a reading takes longer than a
-round."""
+"""The number of rounds of a loop between two readings of the clock, because a reading takes longer
+than a round."""
 
 
 class DeadlineError(Exception):
@@ -44,8 +44,8 @@ _running = _Running()
 def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
     """Limit all expressions that this thread evaluates in the block to `seconds` in total.
 
-    `size` is about the number of assets, tracks and gates in the expressions' variables. Above
-    USUAL_SIZE, all limits grow in proportion. An enclosing block with a larger size sets the scale.
+    `size` is the approximate number of assets, tracks and gates in the variables. Above USUAL_SIZE,
+    all limits grow in proportion. An enclosing block with a larger size sets the scale.
     """
     outer = _running.group_end_s, _running.scale
     _running.scale = max(1.0, size / USUAL_SIZE, outer[1])

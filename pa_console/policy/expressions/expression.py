@@ -163,9 +163,9 @@ def _in_time(search: Callable[[float | None], T], left: float | None) -> T:
     """Return the result of `search` within `left` seconds; raises DeadlineError if it takes longer.
 
     The engine counts the processor time of all threads, so a search that it stopped before this
-    thread's own time was used up is repeated. The search keeps the interpreter's lock. Otherwise,
-    it would acquire the lock again every few steps, which beside a busy thread takes a hundred
-    times as long as the search.
+    thread's own time was used up is repeated. The search keeps the interpreter's lock. If it
+    released the lock, it would have to acquire it again every few steps; if another thread is busy,
+    this takes a hundred times as long as the search.
     """
     while True:
         try:

@@ -1,4 +1,4 @@
-"""The fields of its variables that an expression reads; no other fields are converted.
+"""The fields that an expression reads of its variables; no other fields are converted.
 
 Converting a value for CEL takes longer than deciding most rules, and a loop copies each element
 with all its content. So a record is passed without the fields that the expression cannot notice. An
