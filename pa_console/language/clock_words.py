@@ -40,7 +40,7 @@ _SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 
 _BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
 _FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
-_TOLD = frozenset(TIME_WORDS["told"])
+_REPORTING = frozenset(TIME_WORDS["told"])
 _PAST = frozenset(TIME_WORDS["past"])
 _ALONE = frozenset(TIME_WORDS["alone"])
 _OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
@@ -360,7 +360,7 @@ def is_of_order(
     if not around:
         return True
     for at in around:
-        if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
+        if at < first and tokens[at].word in _REPORTING and tokens[at + 1].word != "to":
             return False
     clause = " ".join(tokens[at].written for at in around)
     words = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}

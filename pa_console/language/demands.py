@@ -38,14 +38,14 @@ _BESIDES = frozenset(_WORDS["besides"])
 """Words before an asset that is mentioned but not sent."""
 _IT = frozenset(_WORDS["it"])
 _MODAL = frozenset(_WORDS["modal"])
-_KNOWN = frozenset(_WORDS["known"])
+_NEUTRAL = frozenset(_WORDS["known"])
 """Words that do not change what a clause demands or forbids."""
 _CONDITION = frozenset(_WORDS["condition"])
 _LATER = frozenset(_WORDS["later"])
 """Words that put two demands at different times."""
 _BACK = frozenset(_WORDS["back"])
 """Words for the return of an asset."""
-_TOLD = frozenset(_WORDS["told"])
+_REPORTING = frozenset(_WORDS["told"])
 _CORRECTING = frozenset(_WORDS["correcting"])
 _STOPS = frozenset((".", "!", "?", ";", ":", "–", "—", "…"))
 _JOINS = frozenset((",", "and", "but", "yet", "though"))
@@ -192,7 +192,7 @@ class _Reading:
         tokens = list(dropwhile(lambda token: token.word in _JOINS, clause.tokens))
         words = [token.word for token in tokens]
         text = f" {' '.join(words)} "
-        if clause.question or _TOLD & {*words}:
+        if clause.question or _REPORTING & {*words}:
             return None
         verbs = [at for at, word in enumerate(words) if word in _FORMS]
         negators = [
@@ -307,7 +307,7 @@ class _Reading:
     def _is_known(self, word: str) -> bool:
         plain = word.removesuffix("s")
         named = self._is_asset(word) or word in self._places or plain in KINDS or plain in CONTACTS
-        return named or word in _KNOWN or word in _FORMS or word in _NOT or word in _IT
+        return named or word in _NEUTRAL or word in _FORMS or word in _NOT or word in _IT
 
     def _words(self, tokens: Sequence[WordToken]) -> str:
         """Return the operator's own words for `tokens`."""

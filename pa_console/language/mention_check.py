@@ -135,7 +135,7 @@ NOTHING_SAID = MentionCheck(())
 """The result for a plan without a reading of the order."""
 
 
-def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
+def check_mentions(  # noqa: PLR0917 - an order and the results of reading it
     world: World,
     picture: Picture,
     text: str,

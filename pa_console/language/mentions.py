@@ -51,7 +51,7 @@ _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w
 _MOST_QUOTED = 3
 """The largest number of words in quotation marks that may still be a name: "the east gate"."""
 _CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
-_TOLD = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
+_REPORTED = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
 _REQUEST = re.compile(any_of("mentions", "request") + r"|['’]d like", re.IGNORECASE)
 _RULED_OUT = re.compile(
     r"(?:\b(?:not|never|no|nobody|without|instead of|rather than|except|forget|ignore|disregard)"
@@ -269,7 +269,7 @@ def _asks(clause: str) -> bool:
     """Return whether a clause is a request: it has a verb of requests, or no sign of a report."""
     if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
         return True
-    return not _TOLD.search(clause)
+    return not _REPORTED.search(clause)
 
 
 def _kinds(

@@ -111,11 +111,11 @@ class Pursuits:
 
     def __init__(self, past: Mapping[str, Pursuit] | None = None) -> None:
         """Begin with the pursuits in `past`, by track; without them, begin with none."""
-        self._known = dict(past or {})
+        self._pursuits = dict(past or {})
 
     def copy(self) -> "Pursuits":
         """Return an independent copy."""
-        return Pursuits(self._known)
+        return Pursuits(self._pursuits)
 
     def look(self, now: Moment) -> Moment:
         """Update from the next moment; return it with `followed` set for pursued tracks."""
@@ -128,25 +128,25 @@ class Pursuits:
         if not met:
             return now
         for name, track in met.items():
-            last = self._known.pop(name, None)
+            last = self._pursuits.pop(name, None)
             if last is None or now.time_s - last.stamp_s > PURSUIT_S:
                 last = Pursuit(track.gate, 0, now.time_s)
             changes = last.changes + (last.gate != track.gate)
-            self._known[name] = Pursuit(track.gate, changes, now.time_s)
+            self._pursuits[name] = Pursuit(track.gate, changes, now.time_s)
         self._forget(now.time_s)
         followed = {
-            name: track.model_copy(update={"followed": self._known[name].changes})
+            name: track.model_copy(update={"followed": self._pursuits[name].changes})
             for name, track in met.items()
         }
         return now.model_copy(update={"tracks": {**now.tracks, **followed}})
 
     def _forget(self, time_s: float) -> None:
         """Drop pursuits that are too old; the latest ones come last."""
-        while self._known:
-            name = next(iter(self._known))
-            if time_s - self._known[name].stamp_s <= PURSUIT_S:
+        while self._pursuits:
+            name = next(iter(self._pursuits))
+            if time_s - self._pursuits[name].stamp_s <= PURSUIT_S:
                 return
-            del self._known[name]
+            del self._pursuits[name]
 
 
 def _track(

@@ -69,7 +69,7 @@ class Evaluator:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._known: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
+        self._results: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
         self._moment: Moment | None = None
         self._now: dict[str, Any] = {}
 
@@ -87,9 +87,9 @@ class Evaluator:
         if "now" in reads:
             return self._evaluate(expression, reads, values | {"now": self._values(now)})
         key = (expression, values.get("id", ""), tuple(values.get("it", {}).values()))
-        if key not in self._known:
-            self._known[key] = self._evaluate(expression, reads, values)
-        return self._known[key]
+        if key not in self._results:
+            self._results[key] = self._evaluate(expression, reads, values)
+        return self._results[key]
 
     def prepare(self, order: Ordering, *expressions: Expression) -> None:
         """Find the fields that the `expressions` of an ordering read, outside any deadline."""
@@ -99,7 +99,7 @@ class Evaluator:
     def copy(self) -> "Evaluator":
         """Return an evaluator that shares the cache; another thread may use it."""
         twin = object.__new__(Evaluator)
-        twin._world, twin._known = self._world, self._known
+        twin._world, twin._results = self._world, self._results
         twin._moment, twin._now = self._moment, self._now
         return twin
 

@@ -137,7 +137,7 @@ def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
         return _altered(unsigned, f"{place} was edited: the signature does not match its key")
     signed = (signature.name, signature.version, signature.content_sha256)
     if signed != (rule_set.name, rule_set.version, unsigned.content_sha256):
-        return _altered(unsigned, f"the signature is for {_told(*signed)}, not for this set")
+        return _altered(unsigned, f"the signature is for {_set_words(*signed)}, not for this set")
     key = fingerprint(signature.key)
     if key in known_keys():
         return unsigned.model_copy(update={"standing": "own key", "key": key})
@@ -160,7 +160,7 @@ def _altered(seal: RulesSeal, problem: str) -> RulesSeal:
     return seal.model_copy(update={"standing": "altered", "problem": problem})
 
 
-def _told(name: str, version: str, content: str) -> str:
+def _set_words(name: str, version: str, content: str) -> str:
     return f"{name!r} {f'version {version}' if version else 'without a version'}, {content[:SHORT]}"
 
 

@@ -14,7 +14,7 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
 _PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
-_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
+_TRAITS: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
 _COVER: tuple[Fact, ...] = ("uncovered", "covered")
 _STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
 _SPARE: tuple[Fact, ...] = ("free", "none_free")
@@ -192,7 +192,7 @@ def shown_frames(world: World, digest: Digest) -> Iterable[str]:
 def conditions(world: World, digest: Digest) -> Iterator[Condition]:
     """Yield every condition about the gates and assets in `digest`."""
     for gate in digest.covered:
-        for fact in (*_PRESENCE, *_KNOWN):
+        for fact in (*_PRESENCE, *_TRAITS):
             for kind in _TRACKS:
                 yield Condition(fact=fact, subject=gate, track=kind)
         for fact in _COVER:

@@ -52,8 +52,8 @@ class NameLint:
 
     def __init__(self, world: World) -> None:
         self._world = world.name
-        self._known = {"gates": tuple(world.gates), "assets": tuple(world.assets)}
-        self._named = {name: _spelling(name) for names in self._known.values() for name in names}
+        self._in_world = {"gates": tuple(world.gates), "assets": tuple(world.assets)}
+        self._named = {name: _spelling(name) for names in self._in_world.values() for name in names}
         self._kinds = tuple(world.platforms)
 
     def named(self, rules: Iterable[Rule]) -> frozenset[str]:
@@ -68,8 +68,8 @@ class NameLint:
             return
         field = "check" if rule.check is not None else "order"
         for kind, name in sorted(set(_LOOKED_UP.findall(code))):
-            if name not in self._known[kind]:
-                names = ", ".join(self._known[kind])
+            if name not in self._in_world[kind]:
+                names = ", ".join(self._in_world[kind])
                 problem = f"it looks up {name!r}, but {self._world!r} has no such name in {kind}"
                 yield Doubt(
                     rule, field, "unknown name", problem, f"use one of {names}, or a loop over all"

@@ -288,7 +288,7 @@ class OpenRule:
 def open_rule(path: Path, rule_id: str) -> OpenRule:
     """Open a rule of the file; raises DocumentError if the file or the rule cannot be read."""
     content, cut = _read(path)
-    _known(cut, rule_id)
+    _refuse_missing(cut, rule_id)
     text = cut.rule(rule_id)
     with suppress(DocumentError):
         if Document(str(path), text).value is not None:
@@ -338,7 +338,7 @@ def _replace(opened: OpenRule, change: Callable[[RuleText], str], *, anyway: boo
         same = opened.id not in cut.ids or cut.rule(opened.id) != opened.text
         raise RulesChangedError(path, same_rule=bool(opened.id) and same)
     if opened.id:
-        _known(cut, opened.id)
+        _refuse_missing(cut, opened.id)
     new = change(cut)
     checked = _checked(path, cut, new, opened.id)
     written = new.encode()
@@ -387,7 +387,7 @@ def _read(path: Path) -> tuple[bytes, RuleText]:
     return content, RuleText(str(path), content.decode())
 
 
-def _known(cut: RuleText, rule_id: str) -> None:
+def _refuse_missing(cut: RuleText, rule_id: str) -> None:
     if rule_id not in cut.ids:
         raise DocumentError(cut.source, 0, rule_id, "the file no longer has this rule")
 
