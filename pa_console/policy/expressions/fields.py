@@ -4,8 +4,8 @@ Converting a value for CEL takes longer than deciding most rules, and a loop cop
 with all its content. So a record is passed without the fields that the expression cannot notice. An
 expression notices a field if it names the field. It notices all fields of a record if it compares
 the record with another one, counts or looks up its keys, selects a field by a computed name, or
-yields the record. It notices none if it only selects a field, takes the record as an element of a
-loop, or compares it with null. In case of doubt, all fields count as read.
+yields the record. Other fields go unnoticed if it only selects a field, takes the record as an
+element of a loop, or compares it with null. In case of doubt, all fields count as read.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
