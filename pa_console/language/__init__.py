@@ -1,1 +1,1 @@
-"""The language of orders: what an order is, its canonical words and grammar, conditions, names."""
+"""The language of orders: their canonical words, grammars, conditions and names."""

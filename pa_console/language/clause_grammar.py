@@ -1,14 +1,14 @@
-"""Grammars of canonical words: what can be asked in a world, and what can be stated about it.
+"""Grammars of canonical words: the requests that are possible in a world, and statements about it.
 
-Assets, frames, zones and tracks have the names and places of the picture: an asset is relieved
-where it is, a track is at its own gate, and no asset comes from an empty place. A name from the
-mission's own words is allowed, and so is another number of a team, because a reading must be able
-to name things that do not exist.
+A clause may use only names and places of the picture: an asset is relieved at the place where it
+is, a track is at its own gate, and no asset comes from an empty place. Names in the mission's own
+words are allowed too, and so are other numbers of a team, because a reading must be able to name
+things that do not exist.
 
-A reason begins with what was asked, in words without a colon. A statement about a place, an asset,
-a track or the free assets has the name before a colon. Such statements are taken from the digest,
-which also decides whether the condition of an order holds (`facts.py`). The rest is left to the
-model.
+A reason begins with the reading, in words without a colon. A statement about a place, an asset, a
+track or the free assets begins with the name and a colon. Such statements come from the digest,
+which also decides whether the condition of an order holds (`facts.py`). All other words are left to
+the model.
 """
 
 import re
@@ -47,31 +47,31 @@ from pa_console.schema.world import PLAIN_KINDS, World
 
 _UNDER = r"(if [ !#-9;-\[\]-~]+: )?"
 _NOW = r"now: [ !#-:<-\[\]-~]+"
-"""The present state of a condition, as the picture decides it."""
+"""The expression for the present state of a condition, which the picture decides."""
 _PLAIN = r"[a-z]+|[0-9]+|\([A-Z]+-[0-9]+\)"
-"""Text without names: plain words, numbers, or a rule in brackets."""
+"""The expression for text without names: a plain word, a number, or a rule in brackets."""
 MOST_CLAUSES = 8
 _WORD = re.compile(r"[A-Za-z0-9_]+")
 _NUMBER = re.compile(r"\d+")
 
 WORD = r"[ !#-9;-\[\]-~]"
-"""Printable ASCII characters except quotes, backslashes and colons."""
+"""A printable ASCII character other than a double quote, a backslash or a colon."""
 _PART = r"[ !#-+\--9<-\[\]-~]"
-"""A character of a part between commas and semicolons."""
+"""A character within one part of a reason; commas and semicolons separate the parts."""
 _ORDER = r"([A-Zabcdefghj-z0-9_]|i[A-Zabcdeg-z0-9_])[A-Za-z0-9_,; ]*"
-"""A reading of names, numbers and plain words, without a condition."""
+"""The expression for a reading without a condition: names, numbers and plain words."""
 _WORDS = f"{WORD}{{1,160}}"
 ASKED_ONCE = f"{ASKED}({_WORDS}|if {_WORDS}: {_WORDS}, else: {_WORDS}; now: {_WORDS}(: {_WORDS})?)"
 """A regular expression for a reading whose digest no longer exists."""
 MOST_PARTS = 24
-"""The largest number of clauses, names and facts in a reason, as split at commas and semicolons."""
+"""The largest number of parts in a reason, which commas and semicolons separate."""
 MOST_PLAIN = 80
-"""The longest fact in the model's own words, in characters."""
+"""The largest length of a fact in the model's own words, in characters."""
 _UNCONDITIONAL = rf"([ !#-+\--9<-\[\]-hj-~]|i[ !#-+\--9<-\[\]-eg-~]){_PART}{{0,{MOST_PLAIN}}}"
-"""Words that do not begin like a condition, because the names in a condition come from the
-digest."""
+"""The expression for words that do not begin like a condition; a condition may only have names from
+the digest."""
 MOST_PLANNED = 140
-"""The most characters for a plan in a comparison; more would leave too little room for the rest."""
+"""The largest length of a plan in a comparison, in characters, so that the rest has enough room."""
 _SO = {True: "so", False: "not so", None: "(not )?so"}
 _END = r"( \([A-Z]+-[0-9]+\))?( takes over| stays)?"
 
@@ -84,8 +84,8 @@ def exactly(text: str) -> str:
 def asked_pattern(world: World, digest: Digest, words: str, *, facts: bool = True) -> str:
     """Return a regular expression (Rust's syntax) for reasons that begin with readable clauses.
 
-    `words` are those of the mission. For an order under a condition, both cases must be readable.
-    With `facts`, the facts that decide may follow.
+    `words` are the words of the mission. If an order has a condition, the clauses for both cases
+    must be readable. With `facts`, the deciding facts may follow.
     """
     assets_shown, tracks = shown_assets(world, digest), tracks_of_digest(digest.tracks)
     frames = [*shown_frames(world, digest), *world.zones]
@@ -118,16 +118,16 @@ def _gates(world: World, frames: Iterable[str]) -> list[str]:
 
 
 def _guards(assets: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
-    """Yield each asset that can be relieved with its place, or any gate if that is unknown."""
+    """Yield each asset that can be relieved, with its place, or any gate if that is unknown."""
     for name in assets:
         at = stands_at(digest, name) if name in digest.posts else digest.stood.get(name, "")
         yield f"{exactly(name)} at {exactly(at) if at else gates}"
 
 
 def _teams(digest: Digest, unknown: Iterable[str]) -> str:
-    """Return the expression for a number of assets of a kind, or of any kind, with their origin.
+    """Return the expression for assets without names: their number, their kind and their origin.
 
-    Kinds without assets are included.
+    Kinds that have no assets are included.
     """
     there = (exactly(frame) for frame, names in standing(digest).items() if names)
     slots = {
@@ -140,9 +140,9 @@ def _teams(digest: Digest, unknown: Iterable[str]) -> str:
 
 
 def _facts_pattern(assets: str, places: str, targets: str) -> str:
-    """Return the expression for the facts that decide: each is about a name, or in plain words.
+    """Return the expression for the deciding facts, which are about a name or in plain words.
 
-    A fact about a place needs a colon after the name; one about an asset or a track does not.
+    A fact about a place needs a colon after the name; a fact about an asset or a track does not.
     """
     word = f"({_PLAIN}|{assets}|{places}|{targets})"
     about = f"((At )?{places}|{assets}|Free( [a-z]+)?): {word}"
@@ -157,7 +157,7 @@ def _names_in(text: str) -> Iterable[str]:
 
 
 def _numbered(name: str) -> str:
-    """Return the expression for `name` and for any other number of its team."""
+    """Return the expression for `name` with any number, as for other assets of its team."""
     numbers = [*_NUMBER.finditer(name)]
     if not numbers:
         return exactly(name)
@@ -166,7 +166,7 @@ def _numbered(name: str) -> str:
 
 
 def _either(ways: Iterable[str]) -> str:
-    """Return the expression for any of `ways`; without ways, one that never matches a text."""
+    """Return the expression for any of `ways`; without ways, an expression that matches no text."""
     return f"({'|'.join(ways) or '~~'})"
 
 
@@ -186,10 +186,10 @@ def asked_now(world: World, digest: Digest, reading: str) -> str:
 
 
 def grounded_reason(world: World, digest: Digest, words: str, reading: str = "") -> tuple[str, ...]:
-    """Return regular expressions (Rust's syntax); a reason has to match all of them.
+    """Return the regular expressions (Rust's syntax) that a reason must match, all of them.
 
-    They allow statements that `digest` supports, and clauses about what exists or about names in
-    the mission's `words`. If `reading` is given, the reason has to begin with it.
+    They allow statements that `digest` supports, and clauses about existing things or about names
+    in the mission's `words`. If `reading` is given, the reason has to begin with it.
     """
     plain = _not_beginning(" only ")
     part = f" {_either(_stated(world, digest))}{_END}|{plain}"
@@ -199,9 +199,10 @@ def grounded_reason(world: World, digest: Digest, words: str, reading: str = "")
 
 
 def grounded_asked(world: World, digest: Digest, words: str, reading: str = "") -> tuple[str, ...]:
-    """Return regular expressions for a judge's reading, in words like those of orders.
+    """Return the regular expressions that a judge's reading must match, all of them.
 
-    It must not have facts of the picture, which have colons, brackets and rule ids.
+    The reading is in words like those of an order. It cannot state facts of the picture, because
+    its clauses have no colons, brackets or rule ids.
     """
     if reading:
         return (exactly(reading),)
@@ -254,7 +255,7 @@ def _not_beginning(start: str) -> str:
 
 
 def _some_of(names: Iterable[str]) -> str:
-    """Return the expression for one of `names` or a number of them, with a bar after it."""
+    """Return the expression for one or more of `names`, followed by a bar; '' without names."""
     choices = tuple(names)
     if not choices:
         return ""

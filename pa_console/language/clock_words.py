@@ -1,7 +1,8 @@
-"""The reading of times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*.
+"""Parsers for times of day, days and durations: *half past nine*, *tonight*, *1 h 15 min*.
 
-*Send a drone north at 16:45* has a time of its own; in *the storm will hit in an hour*, the time
-belongs to something else. A time of the order that no phrase accounts for must not be ignored.
+In *send a drone north at 16:45*, the time belongs to the order; in *the storm will hit in an hour*,
+it belongs to something else. A time that belongs to the order must not be ignored, even if it was
+not understood.
 """
 
 import re
@@ -39,7 +40,7 @@ _SHORT_NAME = re.compile(r"[a-z]+(?:_t)?\d+")
 
 _BORDERS = frozenset((*STOPS, "?", "(", ")", *TIME_WORDS["borders"]))
 _FILLERS = frozenset((*TIME_WORDS["joints"], *TIME_WORDS["fillers"]))
-_TOLD = frozenset(TIME_WORDS["told"])
+_REPORTING = frozenset(TIME_WORDS["told"])
 _PAST = frozenset(TIME_WORDS["past"])
 _ALONE = frozenset(TIME_WORDS["alone"])
 _OF_THE_HOUR = frozenset(TIME_WORDS["of_the_hour"])
@@ -47,25 +48,29 @@ _LEADS = frozenset(TIME_WORDS["leads"])
 FOUR_DIGITS = re.compile(r"(?:[01]\d|2[0-3])[0-5]\d(?:h|hrs|z)?")
 """A time of day without a colon: 1645, 0900z."""
 NAMED = frozenset((*ASSETS, *KIND_WORDS))
-"""The words for assets: a number after one belongs to the asset."""
+"""The words for assets; a number after such a word belongs to the asset."""
 
 
 @dataclass(frozen=True)
 class ClockTime:
-    """A time of day; `settled` is True if only one half of the day can be meant."""
+    """A time of day; `settled` is True if it is clear which half of the day is meant."""
 
     at: time
     settled: bool
     day: date | None = None
     utc: bool = False
     bare: bool = False
-    """True for a number alone: *at nine*."""
+    """True if the time is only a number: *at nine*."""
 
 
 def read_clock(
     reader: Reader, now: datetime, *, led: bool, day: date | None = None, half: str = ""
 ) -> ClockTime | None:
-    """Read a time of day; unless a word has `led` to it, its form must be that of a time."""
+    """Read a time of day.
+
+    `led` is True after a word such as *at*. Without such a word, the form itself must show that it
+    is a time.
+    """
     reading = _time_of_day(reader, led=led)
     if reading is None:
         return None
@@ -92,7 +97,10 @@ def read_clock(
 def _time_of_day(  # noqa: PLR0911 - one for each way to say it
     reader: Reader, *, led: bool
 ) -> tuple[int, int, int, bool, bool] | None:
-    """Return hour, minute, second, and two flags: half of the day settled, only a number."""
+    """Return the hour, minute and second of a time, and two flags; None if there is no time.
+
+    The flags are True if the half of the day is settled, and if the time is only a number.
+    """
     if led and reader.take(*TIME_WORDS["noon"]):
         return 12, 0, 0, True, False
     if led and reader.take(*TIME_WORDS["midnight"]):
@@ -151,7 +159,7 @@ def _digital(reader: Reader, word: str, *, led: bool) -> tuple[int, int, int, bo
 
 
 def _close(reader: Reader) -> bool:
-    """Return whether the sign here touches the numbers on both sides."""
+    """Return whether no space separates the sign at the cursor from the words around it."""
     before, sign, after = reader.tokens[reader.at - 1 : reader.at + 2]
     return before.end == sign.start and sign.end == after.start
 
@@ -177,7 +185,7 @@ def _spoken_clock(reader: Reader) -> tuple[int, int, int, bool, bool] | None:
 def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, bool] | None:
     """Read a 24-hour time as spoken on a radio: *seventeen hundred hours*, *oh six thirty*.
 
-    Unless a word leads to it, *two hundred* is a time only if *hours* follows.
+    Without a word such as *at* before it, *two hundred* is a time only if *hours* follows.
     """
     start = reader.at
     zero = bool(reader.take(*TIME_WORDS["leading_zero"]))
@@ -199,7 +207,7 @@ def _radio_clock(reader: Reader, *, led: bool) -> tuple[int, int, int, bool, boo
 
 
 def read_minute_of_hour(reader: Reader) -> tuple[int, bool] | None:
-    """Read *five past each hour*, *top of the hour*: the minute, and whether of every hour."""
+    """Read *five past each hour* or *top of the hour*: return the minute, and whether it recurs."""
     start = reader.at
     reader.take("the")
     if place := reader.take("top of", "bottom of"):
@@ -234,7 +242,7 @@ def _minutes_after_hour(reader: Reader) -> int:
 
 
 def read_day(reader: Reader, now: datetime) -> tuple[date | None, str]:
-    """Read *tomorrow*, *tonight*, *on monday*; the half of the day is '', 'am' or 'pm'."""
+    """Read *tomorrow*, *tonight* or *on monday*: return the day, and its half: '', 'am' or 'pm'."""
     start = reader.at
     if word := reader.take(*TIME_WORDS["today"], *TIME_WORDS["tomorrow"]):
         half = (
@@ -257,16 +265,17 @@ def _day_of(word: str, now: datetime) -> date | None:
 
 
 def next_weekday(word: str, now: datetime) -> date:
-    """Return the next day with this name after today."""
+    """Return the first day after today that has this name."""
     ahead = (WEEKDAYS.index(word) - now.weekday() - 1) % 7 + 1
     return now.date() + timedelta(days=ahead)
 
 
 def read_duration(reader: Reader) -> float:
-    """Read *five minutes*, *1 h 15 min*, *half an hour*, *an hour and a half*; return 0 if none."""
+    """Read *five minutes*, *1 h 15 min*, *an hour and a half*: return its seconds; 0 if none."""
     total, start, last = 0.0, reader.at, DAY_S * 400
     while (seconds := _one_duration(reader)) and seconds < last:
-        # Each part has a smaller unit: *every 2 minutes, one minute at each gate* is two durations.
+        # Each part must have a smaller unit than the part before it: *every 2 minutes, one minute
+        # at each gate* has two durations.
         total, start = total + seconds, reader.at
         last = 0.0 if reader.word() == "," else _UNIT_S.get(reader.word(-1), 0.0)
         reader.take("and")
@@ -337,7 +346,7 @@ def is_of_order(
 ) -> bool:
     """Return whether the words around the time phrase at `first` ask for something.
 
-    They do if they mention an asset or begin with a verb of orders, but not if they report a fact.
+    They do if they mention an asset or contain a verb of orders, but not if they report a fact.
     """
     timed = {at for start, end in spans for at in range(start, end)}
     start = last = first
@@ -351,7 +360,7 @@ def is_of_order(
     if not around:
         return True
     for at in around:
-        if at < first and tokens[at].word in _TOLD and tokens[at + 1].word != "to":
+        if at < first and tokens[at].word in _REPORTING and tokens[at + 1].word != "to":
             return False
     clause = " ".join(tokens[at].written for at in around)
     words = {token.word.removesuffix("s") for token in read_tokens(link_names(world, clause))}
@@ -381,7 +390,7 @@ def unread_times(world: World, text: str) -> tuple[str, ...]:
 
 
 def names_time(text: str) -> bool:
-    """Return whether words of `text` mean a time of day or a duration."""
+    """Return whether `text` contains a time of day or a duration."""
     tokens = read_tokens(text)
     for at in range(len(tokens)):
         reader = Reader(tokens, at)
@@ -405,7 +414,7 @@ def _names_time(reader: Reader) -> bool:
         return True
     alone = reader.word() in _ALONE or FOUR_DIGITS.fullmatch(reader.word()) is not None
     if not alone and reader.word().isdecimal() and reader.word(-1) not in NAMED:
-        # *In 5*, *5 past*: a number beside a word of the clock, and without a noun after it.
+        # *In 5* and *5 past* have a number beside a word for times, and no noun after it.
         after = reader.word(1)
         ends = reader.word(-1) in _LEADS and (after in STOPS or after in _OF_THE_HOUR)
         alone = ends or after in ("past", "sharp", "hundred")

@@ -1,9 +1,9 @@
-"""Demands and prohibitions of an order, clause by clause, and contradictions between them.
+"""Demands and prohibitions in an order, clause by clause, and contradictions between them.
 
-No plan can serve an order that demands and forbids the same thing, or that sends one asset to two
-places at once. Corrections, sequences, conditions and exclusions of other assets are not
-contradictions. A clause with a word that this module does not know is marked, because it may forbid
-something else (*do not send it too close*). Names are found by entity linking.
+No plan can carry out an order that demands and forbids the same thing, or that sends one asset to
+two places at once. Corrections, sequences, conditions and exclusions of other assets are not
+contradictions. A clause with an unknown word is marked as not understood, because it may forbid
+something else: *do not send it too close*. Names are found by entity linking.
 """
 
 import re
@@ -25,7 +25,7 @@ _FORMS = {
     for verb in verbs
     for form in (verb, f"{verb}s", f"{verb}es", f"{verb}ing", f"{verb.removesuffix('e')}ing")
 }
-"""Forms of the verbs that ask for something, each with its act."""
+"""Forms of the verbs that demand something, each mapped to its act."""
 _WORDS = word_lists("demands")
 _NOT = frozenset(_WORDS["not"])
 _NOT_PHRASES = _WORDS["not_phrases"]
@@ -38,14 +38,14 @@ _BESIDES = frozenset(_WORDS["besides"])
 """Words before an asset that is mentioned but not sent."""
 _IT = frozenset(_WORDS["it"])
 _MODAL = frozenset(_WORDS["modal"])
-_KNOWN = frozenset(_WORDS["known"])
+_NEUTRAL = frozenset(_WORDS["known"])
 """Words that do not change what a clause demands or forbids."""
 _CONDITION = frozenset(_WORDS["condition"])
 _LATER = frozenset(_WORDS["later"])
 """Words that put two demands at different times."""
 _BACK = frozenset(_WORDS["back"])
 """Words for the return of an asset."""
-_TOLD = frozenset(_WORDS["told"])
+_REPORTING = frozenset(_WORDS["told"])
 _CORRECTING = frozenset(_WORDS["correcting"])
 _STOPS = frozenset((".", "!", "?", ";", ":", "–", "—", "…"))
 _JOINS = frozenset((",", "and", "but", "yet", "though"))
@@ -62,11 +62,12 @@ _ONLY_GOING = frozenset((GOING,))
 
 @dataclass(frozen=True)
 class Demand:
-    """A clause that demands something of assets at places, or forbids it if `negated`.
+    """A clause that demands acts of assets or, if `negated`, forbids them.
 
-    `words` are the operator's. `split` goals are joined by *and*. Without goals, staying means the
-    present place, and `put` is set if the words say so. `understood` is set if the module knows
-    every word. A `later` clause is for another time; a `conditional` one depends on a condition.
+    `words` are the operator's own words. `goals` are the destinations, and `split` is set if *and*
+    joins them. If assets are to stay and there are no goals, they stay where they are; `put` is set
+    if the words say so. `understood` is set if this module has every word in its lists. A `later`
+    clause is for another time; a `conditional` one depends on a condition.
     """
 
     words: str
@@ -88,7 +89,7 @@ class Demand:
 
 
 class Demands(NamedTuple):
-    """The demands and prohibitions of an order, and whether it gives a sequence."""
+    """The demands and prohibitions in an order, and whether they come in a sequence."""
 
     clauses: tuple[Demand, ...] = ()
     in_turn: bool = False
@@ -133,7 +134,7 @@ class _Reading:
         self._places |= dict.fromkeys(("home", "base"), world.base)
 
     def demands(self) -> Iterator[Demand]:
-        """Yield what each clause demands or forbids, if it does."""
+        """Yield the demand or prohibition of each clause that has one."""
         before: Demand | None = None
         for clause in self._clauses():
             if not clause.tokens:
@@ -165,14 +166,14 @@ class _Reading:
             yield clause
 
     def _is_whole(self, clause: _DemandClause) -> bool:
-        """Return whether a clause is complete, so that the next words do not continue a list."""
+        """Return whether a clause is complete, so that the next words cannot continue its list."""
         words = [token.word for token in clause.tokens]
         acts = {_FORMS[word] for word in words if word in _FORMS}
         ends = words[-1:] == ["anywhere"] or (len(words) > 1 and words[-1] in _FORMS)
         return ends or not self._places.keys().isdisjoint(words) or bool(acts & {STAYING, "report"})
 
     def _begins(self, at: int) -> bool:
-        """Return whether a clause of its own begins at token `at`."""
+        """Return whether a new clause begins at token `at`."""
         while self._word(at) in _JOINS or self._word(at) in _FILLERS:
             at += 1
         word, after = self._word(at), self._word(at + 1)
@@ -187,11 +188,11 @@ class _Reading:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
     def _demand(self, clause: _DemandClause, before: Demand | None) -> Demand | None:
-        """Read a clause; None if it is a report, a question or unclear."""
+        """Return the demand of a clause; None if it is a report, a question or unclear."""
         tokens = list(dropwhile(lambda token: token.word in _JOINS, clause.tokens))
         words = [token.word for token in tokens]
         text = f" {' '.join(words)} "
-        if clause.question or _TOLD & {*words}:
+        if clause.question or _REPORTING & {*words}:
             return None
         verbs = [at for at, word in enumerate(words) if word in _FORMS]
         negators = [
@@ -234,7 +235,7 @@ class _Reading:
         )
 
     def _rules_out(self, words: Sequence[str], at: int) -> bool:
-        """Return whether a clause begins by ruling out all of a kind: *no drone goes there*."""
+        """Return whether the word at `at` rules out all assets of a kind: *no drone goes there*."""
         kind = words[at + 1].removesuffix("s") if at + 1 < len(words) else ""
         return words[at] == "no" and (kind in KINDS or kind in ("asset", "one"))
 
@@ -266,9 +267,9 @@ class _Reading:
         return tuple(assets)
 
     def _goals(self, words: Sequence[str]) -> tuple[str, ...]:
-        """Return the destinations: places after *to*, a verb or an asset, and places in their list.
+        """Return the destinations: every place, except after a word such as *from*.
 
-        A recalled asset goes home.
+        If assets are recalled and no place is named, the base is their destination.
         """
         goals: list[str] = []
         for at, word in enumerate(words):
@@ -282,7 +283,7 @@ class _Reading:
         return tuple(dict.fromkeys(goals))
 
     def _is_split(self, words: Sequence[str]) -> bool:
-        """Return whether nothing but *and*, *to*, *the* and the like is between the places."""
+        """Return whether only *and*, *to*, *the* and similar words separate the places."""
         places = [at for at, word in enumerate(words) if word in self._places]
         if len(places) < 2:
             return False
@@ -290,7 +291,7 @@ class _Reading:
         return "and" in between and between <= {"and", ",", "to", "the", "towards", "both"}
 
     def _has_place(self, words: Sequence[str]) -> bool:
-        """Return whether a place follows assets at once: *Drone_T01 to NorthGate*."""
+        """Return whether a place directly follows the assets: *Drone_T01 to NorthGate*."""
         after = dropwhile(lambda word: not self._is_asset(word), words)
         rest = next(dropwhile(lambda word: self._is_asset(word) or word in _JOINS, after), "")
         return rest in _TO or rest in self._places
@@ -300,22 +301,22 @@ class _Reading:
         return word in self._assets or _ASSET_NAME.fullmatch(word) is not None
 
     def _is_about_the_same(self, words: Sequence[str], clause: _DemandClause) -> bool:
-        """Return whether a clause that names no asset is about the assets of the clause before."""
+        """Return whether a clause without an asset is about the assets of the clause before it."""
         return bool(_IT & {*words}) or (clause.joined and words[0] in _MODAL | _NOT)
 
     def _is_known(self, word: str) -> bool:
         plain = word.removesuffix("s")
         named = self._is_asset(word) or word in self._places or plain in KINDS or plain in CONTACTS
-        return named or word in _KNOWN or word in _FORMS or word in _NOT or word in _IT
+        return named or word in _NEUTRAL or word in _FORMS or word in _NOT or word in _IT
 
     def _words(self, tokens: Sequence[WordToken]) -> str:
-        """Return the operator's own words for some tokens."""
+        """Return the operator's own words for `tokens`."""
         typed = self._linked._replace(original=self._typed)
         return typed.original_words(tokens[0].start, tokens[-1].end).strip()
 
 
 class Contradiction(NamedTuple):
-    """Two parts of an order that exclude each other, in its own words, and the question back."""
+    """Two parts of an order that contradict each other, and the question to the operator."""
 
     first: str
     second: str
@@ -323,7 +324,7 @@ class Contradiction(NamedTuple):
 
 
 def contradiction(world: World, text: str) -> Contradiction | None:
-    """Return the first two parts of an order that exclude each other, None if none do."""
+    """Return the first two parts of an order that contradict each other; None if none do."""
     order = demands_of(world, text)
     clauses = [clause for clause in order.clauses if not (clause.conditional or clause.later)]
     for first, second in combinations(clauses, 2):
@@ -334,14 +335,14 @@ def contradiction(world: World, text: str) -> Contradiction | None:
         )
         if excluded:
             question = (
-                f"“{first.words}” and “{second.words}” exclude each other. What is to be done?"
+                f"“{first.words}” and “{second.words}” contradict each other. What is to be done?"
             )
             return Contradiction(first.words, second.words, question)
     for clause in clauses:
         if not order.in_turn and _is_split(clause):
             here, there = clause.goals
             sends = f"“{clause.words}” sends {clause.assets[0]} to {here} and {there} at once."
-            question = f"{sends} Where to?"
+            question = f"{sends} Where is it to go?"
             return Contradiction(here, there, question)
     return None
 
@@ -365,7 +366,7 @@ def _forbidden(world: World, first: Demand, second: Demand) -> bool:
 
 
 def _are_meant(world: World, ban: Demand, demand: Demand) -> bool:
-    """Return whether a ban is about assets of a demand: named ones, their kind, or any at all."""
+    """Return whether a ban applies to assets of a demand: by name, by kind, or to all assets."""
     if ban.assets:
         return not {*ban.assets}.isdisjoint(demand.assets)
     if ban.kinds:
@@ -375,9 +376,10 @@ def _are_meant(world: World, ban: Demand, demand: Demand) -> bool:
 
 
 def _apart(first: Demand, second: Demand) -> bool:
-    """Return whether two demands want one asset at two places, or moved and left where it is.
+    """Return whether two demands send one asset to two places, or move it and keep it in place.
 
-    *Move it there and hold* is a sequence: only staying in the present place excludes moving.
+    *Move it there and hold* is a sequence, because only staying in the present place excludes
+    moving.
     """
     if first.negated or {*first.assets}.isdisjoint(second.assets):
         return False

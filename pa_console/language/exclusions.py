@@ -1,8 +1,8 @@
 """The assets and places that the words of an order rule out: *a robot, but not Robot_T01*.
 
-Exclusions do not depend on the models: no plan uses an excluded name, whatever the reading. A name
-is excluded only if every mention of it is; `demands.py` handles *not Drone_T04 to NorthGate, but
-Drone_T04 to SouthGate*. Quoted words are not part of the order.
+Exclusions do not depend on the models: whatever the reading, no plan uses an excluded name. A name
+is excluded only if all its mentions are excluded; `demands.py` handles *not Drone_T04 to NorthGate,
+but Drone_T04 to SouthGate*. Quoted words are not part of the order.
 """
 
 import re
@@ -77,7 +77,10 @@ def _listed(any_name: str) -> str:
 
 
 def _corrects_the_last(world: World, text: str, mentions: Sequence[re.Match[str]]) -> bool:
-    """Return whether `text` has only names, no place or verb, and so corrects the last order."""
+    """Return whether `text` corrects the last order.
+
+    It does if it only names assets, as in *not Drone_T04*, without a place or a verb.
+    """
     first, last = mentions[0], mentions[-1]
     begins = _NOT_ALONE.fullmatch(text[: first.start()]) is not None
     between = text[first.end() : last.start()].strip(" ,.;:-").lower()
@@ -87,7 +90,7 @@ def _corrects_the_last(world: World, text: str, mentions: Sequence[re.Match[str]
 
 
 def _gate_towards(world: World, word: str) -> str:
-    """Return the gate whose name is a point of the compass, or the `word` itself."""
+    """Return the gate named after the compass direction `word`, or `word` if there is none."""
     return WorldNames.of(world).gate_with(word.lower()) or word
 
 

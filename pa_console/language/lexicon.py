@@ -1,8 +1,8 @@
 """The lexicon of orders, read once from `lexicon.yaml`: word lists, and verbs by their tasks.
 
-The verbs decide nothing. They show whether an order has any word for its reading, and whether that
-reading covers its explicit tasks. A word with several meanings is in several groups. Irregular
-forms of a word are listed.
+The verbs decide nothing by themselves. They show whether any word of an order supports its reading,
+and whether the reading covers the tasks that the order names. A word with several meanings is in
+several groups. The file lists irregular forms of words.
 """
 
 import re
@@ -35,7 +35,7 @@ def any_of(section: str, name: str) -> str:
 
 @cache
 def _lexicon() -> dict[str, Any]:
-    """Return the sections of the file: lists by their names, or groups of lists."""
+    """Return the sections of the file; each has lists by name, or groups of such lists."""
     # The base loader keeps every word as text: *no*, *on* and *off* are not booleans here.
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     text = Path(__file__).with_name("lexicon.yaml").read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def _lexicon() -> dict[str, Any]:
 
 
 def _entries(lists: Mapping[str, str]) -> Mapping[str, tuple[str, ...]]:
-    """Return the entries of every list: split at spaces, or at ` / ` if one has several words."""
+    """Return the entries of each list, split at ` / ` if the list contains it, else at spaces."""
     return {
         name: tuple(text.split(" / ") if " / " in text else text.split())
         for name, text in lists.items()
@@ -54,8 +54,9 @@ class SynonymGroup(NamedTuple):
     """Synonyms, the tasks that they allow in a reading, and the tasks that they mean.
 
     An order with one of the words may be read as any of `tasks`, but its words support only the
-    tasks in `means`: *send* may lead to a warning, yet a warning needs a word for it. `plain` words
-    always ask for such a task; `words`, some of them nouns, only may. `phrases` have several words.
+    tasks in `means`: *send* may belong to an order to warn, but a warning needs a word of its own.
+    `plain` words always ask for one of the tasks; `words`, some of which are nouns, do not always.
+    `phrases` consist of several words.
     """
 
     tasks: tuple[Task, ...]
@@ -72,20 +73,20 @@ def _verb_groups() -> tuple[SynonymGroup, ...]:
 
 
 class VerbMention(NamedTuple):
-    """A word or phrase of a text, its start, the tasks that it allows, and those that it means."""
+    """A word or phrase in a text, its start, and the tasks that it allows or means."""
 
     word: str
     start: int
     tasks: frozenset[Task]
     means: frozenset[Task]
     plain: bool
-    """True if the word hardly ever means anything else."""
+    """True if the word hardly ever means anything but its tasks."""
 
 
 def find_verbs(text: str) -> Iterator[VerbMention]:
     """Yield the words and phrases of `text` that are in the lexicon, with their tasks.
 
-    A compound that is not there counts as its first word: *look-down* as *look*.
+    A compound that is not in the lexicon counts as its first word: *look-down* as *look*.
     """
     low = text.lower()
     for match in re.finditer(r"[a-z]+(?:-[a-z]+)*", low):
@@ -121,7 +122,7 @@ def _forms() -> Mapping[str, tuple[SynonymGroup, ...]]:
 
 @cache
 def _plain() -> frozenset[str]:
-    """Return the plain words in their base form, which orders use."""
+    """Return the plain words in their base form, the form that orders use."""
     return frozenset(word for group in _verb_groups() for word in group.plain)
 
 

@@ -2,8 +2,8 @@
 
 A model may misread an order, and the judge may make the same mistake. This check compares words
 without a model. Every place, asset, track, kind, number and plain verb of the order must appear in
-the reading, in the plan or in its list of unmet requests. Every place, asset, kind, number and task
-of the reading must appear in the words, or follow from them and the picture.
+the reading, in the plan or in the list of unmet requests. Every place, asset, kind, number and task
+of the reading must appear in the words of the order, or follow from these words and the picture.
 """
 
 import re
@@ -57,7 +57,7 @@ def _any_of(name: str) -> re.Pattern[str]:
 _KIND_WORDS: Mapping[AssetKind, re.Pattern[str]] = {
     kind: _any_of(f"of_{kind}") for kind in PLAIN_KINDS
 }
-"""The words for a kind without naming it, in lower case."""
+"""Patterns of the words that mean a kind without naming it, for texts in lower case."""
 _SOMEBODY = _any_of("somebody")
 _BARE = _any_of("bare")
 _LOW = _any_of("low")
@@ -66,45 +66,45 @@ _EVERY = _any_of("every")
 _PAIR = _any_of("pair")
 _GATES = _any_of("gates")
 _EVERY_GATE = _any_of("every_gate")
-"""The words for places without their names, in lower case."""
+"""The pattern of the words that mean every gate without naming one, for texts in lower case."""
 
 
 class AccountedMention(NamedTuple):
-    """One mention of the order, and whether reading, plan or unmet lines account for it."""
+    """A mention in the order, and whether the reading, plan or unmet lines account for it."""
 
     mention: Mention
     accounted: bool
 
 
 class UnsupportedPart(NamedTuple):
-    """A part of a reading, with its sort, that the order does not support."""
+    """A part of a reading that the order does not support, and its sort."""
 
     sort: Sort
     named: str
 
 
 class MentionCheck(NamedTuple):
-    """Every mention in an order, and the parts of its reading that go beyond them."""
+    """Every mention in an order, and the parts of its reading that go beyond these mentions."""
 
     mentions: tuple[AccountedMention, ...]
     unsupported: tuple[UnsupportedPart, ...] = ()
     moves: bool = False
     """True if the plan moves an asset."""
     unfounded: bool = False
-    """True if the order has no name in it, and no word supports the places of the reading."""
+    """True if the order names nothing, and its words support no place of the reading."""
     times: tuple[str, ...] = ()
-    """The times that the order names; a plan that moves an asset now observes none of them."""
+    """The times in the order, if the plan moves an asset at once and so keeps none of them."""
     steps: tuple[str, ...] = ()
     """The steps of the order, if the plan was not made in steps and does not keep their
     sequence."""
     gates: tuple[str, ...] = ()
-    """The words for several gates, if the reading sends assets to only one."""
+    """The words for several gates, if the reading sends assets to only one gate."""
     leaning: tuple[str, ...] = ()
     """The words that refer to the previous order, if their meaning was not found."""
 
     @property
     def baseless(self) -> bool:
-        """True if an asset is moved although no word of the order asks for it or names it."""
+        """True if an asset is moved although no word of the order supports this."""
         return self.moves and (self.empty or self.unfounded)
 
     @property
@@ -114,18 +114,18 @@ class MentionCheck(NamedTuple):
 
     @property
     def gaps(self) -> tuple[str, ...]:
-        """Everything that does not match, in words; empty if everything matches."""
+        """The differences between order and reading, in words; empty if there are none."""
         gaps = [
             f"not accounted for: {part.mention.words}"
             for part in self.mentions
             if not part.accounted
         ]
         gaps += [f"not in the order's words: {part.named}" for part in self.unsupported]
-        gaps += [f"no time is kept: {words}" for words in self.times]
-        gaps += [f"no order of steps is kept: {words}" for words in self.steps]
-        gaps += [f"only one gate is served: {words}" for words in self.gates]
+        gaps += [f"time not kept: {words}" for words in self.times]
+        gaps += [f"sequence of steps not kept: {words}" for words in self.steps]
+        gaps += [f"only one gate served: {words}" for words in self.gates]
         if self.moves:
-            gaps += [f"leans on the order before: {words}" for words in self.leaning]
+            gaps += [f"refers to an earlier order: {words}" for words in self.leaning]
         if self.empty and self.moves:
             gaps.append("no word of the order asks for anything")
         return tuple(dict.fromkeys(gaps))
@@ -135,7 +135,7 @@ NOTHING_SAID = MentionCheck(())
 """The result for a plan without a reading of the order."""
 
 
-def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
+def check_mentions(  # noqa: PLR0917 - an order and the results of reading it
     world: World,
     picture: Picture,
     text: str,
@@ -146,10 +146,10 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 ) -> MentionCheck:
     """Compare the words of an order with the planner's `reading`, in canonical words.
 
-    Without a reading, only missing parts are looked for, as a plan may well do more than the order.
-    `unmet` are the lines on parts of the order that are not carried out. A refusal of the whole
-    order moves no asset, and lacks nothing. The order `follows` earlier commands, whose assets and
-    places need not be named again.
+    Without a reading, the check looks only for missing parts, because a plan may do more than the
+    order asks for. `unmet` are the lines about parts of the order that are not carried out. If the
+    whole order is refused and no asset moves, nothing is missing. `follows` are the earlier
+    commands that the order refers to; it need not name their assets and places again.
     """
     mentions = find_mentions(world, text, picture.tracks)
     moves = any(action.verb not in STILL for action in plan.actions)
@@ -178,7 +178,7 @@ def check_mentions(  # noqa: PLR0917 - an order, and what was made of it
 
 
 def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]) -> set[Mention]:
-    """Return the mentions that are `excluded` or replaced by a correction in the order.
+    """Return the mentions that are `excluded` or replaced by a correction within the order.
 
     An excluded name is never used (`exclusions.py`), so no reading has to account for it. `linked`
     is the order with its names linked.
@@ -198,7 +198,7 @@ def _dropped(excluded: Collection[str], linked: str, mentions: Sequence[Mention]
 
 
 class _OrderResult:
-    """The result of an order: the names in its reading, its plan and the unmet lines."""
+    """The result of an order: the names and tasks in its reading, its plan and the unmet lines."""
 
     def __init__(
         self, world: World, picture: Picture, reading: str, plan: Plan, unmet: Sequence[str]
@@ -208,7 +208,7 @@ class _OrderResult:
         self.asks = tuple(_asks(clauses)) if reading else ()
         under = re.match(r"asked: if ([^:]+):", clauses)
         self.subjects = _NAME.findall(under[1]) if under is not None else []
-        """The names that the action depends on."""
+        """The names in the condition on which the action depends."""
         self.refused = bool(self.asks) and all(w.task == "refused" for w in self.asks)
         self._others_stay = OTHERS_STAY in clauses or OTHERS_STAY in evidence
         self._may_hold = self._others_stay or f"else: {NOTHING}" in clauses or not self.asks
@@ -223,14 +223,15 @@ class _OrderResult:
         self._assets = [name for name in world.assets if name in self._names]
         read_names = set(_NAME.findall(clauses)) if reading else self._names
         self._stood = {_at(picture, name) for name in self._assets if name in read_names}
-        """The places of the assets that the reading names: *the one at the north gate*."""
+        """The places of the assets that the reading names, because an order may describe an asset
+        by its place: *the one at the north gate*."""
         self._acting = len({action.agent for action in acting})
 
     def is_unfounded(self, lacking: Sequence[UnsupportedPart]) -> bool:
-        """Return whether every place of the reading is among the parts `lacking` in the order.
+        """Return whether the order supports no place of the reading.
 
-        For a reading without a place, its assets are compared, and for one without names, its
-        tasks.
+        `lacking` are the parts that the order does not support. If the reading has no place, its
+        assets are checked instead, and if it has no names, its tasks.
         """
         missing = {part.named for part in lacking}
         placed = [ask for ask in self.asks if ask.place not in ("", NOWHERE)]
@@ -268,7 +269,7 @@ class _OrderResult:
                 return self._has_task(mention.tasks)
 
     def _stands_for(self, name: str) -> bool:
-        """Return whether `name` is meant but not named: as one of *all*, or to be relieved."""
+        """Return whether `name` is meant but not named: it is one of *all*, or to be relieved."""
         place, spec = _at(self._picture, name), self._world.assets.get(name)
         if not self.asks and place in self._names:
             return True
@@ -302,7 +303,7 @@ class _OrderResult:
 
 
 class _OrderWords:
-    """The parts of a reading that the words of an order support."""
+    """The words of an order, which support parts of its reading."""
 
     def __init__(
         self,
@@ -353,7 +354,7 @@ class _OrderWords:
                 yield UnsupportedPart("verb", ask.words)
 
     def _has_place(self, place: str, ask: Ask) -> bool:
-        """Return True if `place` is named or, without any named place, follows from the picture."""
+        """Return True if `place` is named or, if no place is named, follows from the picture."""
         if place in self._names or (ask.leaving and _at(self._picture, ask.leaving) == place):
             return True
         tracks = [track for track in self._picture.tracks.values() if track.gate == place]
@@ -371,7 +372,7 @@ class _OrderWords:
         )
 
     def _has_fault(self, name: str) -> bool:
-        """Return whether the words describe `name` by its fault."""
+        """Return whether the words mention a fault that the asset `name` has."""
         asset = self._picture.assets.get(name)
         if asset is None:
             return False
@@ -379,7 +380,7 @@ class _OrderWords:
         return low or (not asset.available and _DOWN.search(self._text) is not None)
 
     def _has_asset(self, name: str) -> bool:
-        """Return whether `name` is named or described, or its number stands without a name.
+        """Return whether the words name or describe `name`, or give its number alone.
 
         *The drone* means the only drone of the world, or the only free drone.
         """
@@ -388,9 +389,9 @@ class _OrderWords:
         return name in self._names or numbered or self._has_fault(name) or self._is_the_only(name)
 
     def _is_the_only(self, name: str) -> bool:
-        """Return whether `name` is the only asset of its kind, or its only free one.
+        """Return whether `name` is the only asset of its kind, or the only free one.
 
-        The kind has to be mentioned.
+        The order has to mention the kind.
         """
         spec = self._world.assets.get(name)
         if spec is None or spec.kind not in self._kinds:
@@ -401,7 +402,7 @@ class _OrderWords:
         return team == [name] or free == [name]
 
     def _is_guard_of_a_bare_gate(self, name: str) -> bool:
-        """Return whether `name` is the only guard of a named gate: *if West is uncovered*."""
+        """Return whether `name` is the only guard of the gate in *if West is uncovered*."""
         covers = sole_covers(self._picture).items()
         guards = any(guard == name and gate in self._names for gate, guard in covers)
         return guards and _BARE.search(self._text) is not None
@@ -409,8 +410,8 @@ class _OrderWords:
     def _is_described(self, name: str, destination: str) -> bool:
         """Return whether a word for an asset, with its location, can mean only the asset `name`.
 
-        A word such as *Steward* is enough if one asset is called that. The destination describes no
-        asset: *a drone to West* does not mean the drone that is at West.
+        A word such as *Steward* is enough if only one asset has that name. A destination does not
+        describe an asset: *a drone to West* does not mean the drone that is at West.
         """
         spec = self._world.assets.get(name)
         if spec is None:
@@ -457,7 +458,7 @@ class _OrderWords:
         return [name for name, spec in self._world.assets.items() if spec.kind == kind]
 
     def _has_task(self, ask: Ask) -> bool:
-        """Return True if a word means the task or none is needed, as in `van at east`."""
+        """Return True if a word means the task, or if the task needs none, as in `van at east`."""
         if ask.task in self._tasks:
             return True
         if ask.task == "respond":
@@ -472,7 +473,7 @@ class _OrderWords:
 
 
 def _asks(reading: str) -> Iterator[Ask]:
-    """Yield the asks in every case of a condition."""
+    """Yield the asks of a reading, in both cases of its condition."""
     words = reading.removeprefix(ASKED)
     case = re.fullmatch(r"if [^:]+: (.+?), else: (.+)", words)
     for part in (case[1], case[2]) if case is not None else (words,):
@@ -481,7 +482,7 @@ def _asks(reading: str) -> Iterator[Ask]:
 
 
 def _name_words(name: str) -> set[str]:
-    """Return the words of an asset's name in lower case, without letters that stand alone."""
+    """Return the words of an asset's name in lower case, without single letters."""
     words = (word.lower() for word in WORD.findall(name))
     return {word for word in words if len(word) > 1 and word.isalpha()}
 

@@ -3,7 +3,7 @@
 Names are found by entity linking (`name_linking.py`). A mention either belongs to a request, or is
 reported, quoted, addressed or ruled out: *the east gate is quiet, send a drone to the west gate*
 requests nothing at the east gate, and *East gate, this is Watch* requests nothing there either. If
-no clause of an order is a request, every clause counts as one.
+no clause of an order is a request, every clause counts as a request.
 """
 
 import re
@@ -29,9 +29,9 @@ ASSETS = frozenset(("asset", "unit", "machine", "device", "platform"))
 _ALL = frozenset(("all", "every", "each", "both", "everyone", "everybody", "everything"))
 _NAMES = frozenset(("place", "asset", "track", "kind"))
 _OF_SITES = re.compile(any_of("mentions", "of_sites"))
-"""Parts of sites under any name, in lower case."""
+"""The pattern of the words for parts of any site, for texts in lower case."""
 _LONGEST = 3
-"""The most words of one name that are matched together."""
+"""The largest number of words that are matched as one name."""
 _SPELT = {
     word: word[0]
     for word in (
@@ -44,14 +44,14 @@ _AMOUNTS = frozenset(word_lists("names")["amounts"])
 """The words before an amount: *battery 9*, *speed 4*."""
 _LEADS = frozenset(word_lists("mentions")["leads"])
 _OWN = frozenset(word_lists("mentions")["own"])
-"""The words that may be between *the* and a place's name of one word."""
+"""The words that may come between *the* and a place whose name is a single word."""
 _CAR = re.compile(r"(?:cars?|trucks?|vehicles?)")
 _WORD = re.compile(r"[^\W_][\w-]*", re.UNICODE)
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”|```.*?```|(?<!\w)'[^']{3,}'(?!\w)|<[^<>]*>")
 _MOST_QUOTED = 3
-"""The most words in quotation marks that may still be a name: "the east gate"."""
+"""The largest number of words in quotation marks that may still be a name: "the east gate"."""
 _CLAUSE = re.compile(r"[^.!?;,\n]+(?:\.(?=\w)[^.!?;,\n]*)*")
-_TOLD = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
+_REPORTED = re.compile(any_of("mentions", "told") + r"|['’](?:s|re|ve)\b", re.IGNORECASE)
 _REQUEST = re.compile(any_of("mentions", "request") + r"|['’]d like", re.IGNORECASE)
 _RULED_OUT = re.compile(
     r"(?:\b(?:not|never|no|nobody|without|instead of|rather than|except|forget|ignore|disregard)"
@@ -59,9 +59,9 @@ _RULED_OUT = re.compile(
     re.IGNORECASE,
 )
 _STATION = re.compile(r"\s*this is\b", re.IGNORECASE)
-"""The words in a radio message after the call signs of its addressees."""
+"""The words that follow the call signs of the addressees in a radio message."""
 _MOST_ADDRESSED = 3
-"""The most words of a call sign."""
+"""The largest number of words in a call sign."""
 _STAYS_ON = re.compile(
     r"\band (?:then )?(?:just )?(?P<verb>hold|stay|wait|remain)\b"
     r"(?= *(?:$|(?:there|here|put|inside|outside|with (?:it|them|him|her)|until|till|for)\b))",
@@ -77,14 +77,14 @@ _IF = re.compile(
 
 
 _PLACING = frozenset(("to", "at", "over", "towards", "toward", "tae"))
-"""Prepositions after which one word of a place's name means the place: *two drones over Forge*."""
+"""Prepositions after which one word of a place's name is enough: *two drones over Forge*."""
 
 
 class Mention(NamedTuple):
     """Words of an order and their meaning: a name, a kind, a number or a verb.
 
-    `requested` is False for words that are reported, quoted or ruled out, or that call a place by
-    radio.
+    `requested` is False for words that are reported, quoted or ruled out, or that address a place
+    by radio.
     """
 
     sort: Sort
@@ -96,7 +96,7 @@ class Mention(NamedTuple):
     supports: frozenset[Task] = frozenset()
     """The tasks that a verb means."""
     quoted: bool = False
-    """True in a quotation of several words, which is not part of the order."""
+    """True inside a quotation of several words, which is not part of the order."""
 
 
 class _MentionClause(NamedTuple):
@@ -115,9 +115,9 @@ class _MentionClause(NamedTuple):
 
 
 def find_mentions(world: World, text: str, tracks: Iterable[str] = ()) -> tuple[Mention, ...]:
-    """Return the mentions of `world` and of the `tracks` in sight, in the order of `text`.
+    """Return the mentions in `text` of things in `world` and of the `tracks` in sight.
 
-    A word that looks like an asset's name (`Drone_T99`) counts as one, even if there is none.
+    A word that looks like an asset's name (`Drone_T99`) counts as an asset, even if there is none.
     """
     finder = _Finder(world, tracks)
     return tuple(dict.fromkeys(finder.find(link_names(world, text))))
@@ -135,7 +135,7 @@ def _is_quotation(quoted: str) -> bool:
 def speaks_of_site(world: World, text: str) -> bool:
     """Return whether `text` mentions a part of a site: place, asset, kind, post or contact.
 
-    A passing mention counts, because this only excludes texts about other matters.
+    A passing mention counts, because the result is only used to exclude texts about other matters.
     """
     low, names = text.lower(), WorldNames.of(world)
     if _OF_SITES.search(low) or any(names.team(word) for word in re.findall("[a-z]+", low)):
@@ -158,7 +158,7 @@ class _Finder:
         self._squashed = {_squashed(name): meaning for name, meaning in self._sorts.items()}
         self._parts = _own_words(places)
         self._plain = {name.lower() for name in world.frames if len(WORD.findall(name)) == 1}
-        """The frames whose name is a common noun: *base*, *checkpoint*."""
+        """The frames whose name is a single word: *base*, *checkpoint*."""
         self._compass = {
             word: self._parts[whole] for word, whole in _COMPASS.items() if whole in self._parts
         }
@@ -208,7 +208,7 @@ class _Finder:
             yield Mention("verb", verb.word, verb.word, plain, verb.tasks, verb.means)
 
     def _is_another(self, words: Sequence[tuple[str, int]], at: int) -> bool:
-        """Return whether an unknown word makes it another place: *the moon base*."""
+        """Return whether the word before the name makes it an unknown place: *the moon base*."""
         if at < 2 or words[at - 2][0].lower() not in _LEADS:
             return False
         before = words[at - 1][0].lower()
@@ -256,7 +256,7 @@ def _clauses(text: str) -> list[_MentionClause]:
 
 
 def _addressed(parts: Sequence[str]) -> int:
-    """Return how many clauses at the start are call signs: *Plaza, Plaza, this is Watch*."""
+    """Return the number of clauses at the start that are call signs: *Plaza, this is Watch*."""
     for at, part in enumerate(parts):
         if _STATION.match(part):
             return at
@@ -266,10 +266,10 @@ def _addressed(parts: Sequence[str]) -> int:
 
 
 def _asks(clause: str) -> bool:
-    """Return whether a clause is a request: it has a verb for it, or no sign of a report."""
+    """Return whether a clause is a request: it has a verb of requests, or no sign of a report."""
     if _REQUEST.search(clause) or any(verb.plain for verb in find_verbs(clause)):
         return True
-    return not _TOLD.search(clause)
+    return not _REPORTED.search(clause)
 
 
 def _kinds(
@@ -295,7 +295,7 @@ def _kinds(
 
 
 def _counted(before: Sequence[str]) -> str:
-    """Return the number meant by a noun after the words `before`: a number, `all`, or ''."""
+    """Return the number that the words `before` a noun give it: a number, `all`, or ''."""
     for word in reversed(before):
         if word in _ALL:
             return "2" if word == "both" else "all"
@@ -309,7 +309,7 @@ def _counted(before: Sequence[str]) -> str:
 
 
 def _numeral(word: str) -> str:
-    """Return the number that a word is or ends with, as in `t05`; '' for none."""
+    """Return the number that `word` is or ends with, as in `t05`; '' if there is none."""
     if word in NUMBERS:
         return str(NUMBERS.index(word))
     match = re.fullmatch(r"[a-z]*?0*(\d{1,4})", word)
@@ -341,7 +341,7 @@ def _is_name(word: str) -> bool:
 
 
 def _own_words(places: Sequence[str]) -> dict[str, str]:
-    """Map each word that the name of only one place has to that place: `north` to NorthGate."""
+    """Map each word that is in the name of only one place to that place: `north` to NorthGate."""
     places_by_word: dict[str, list[str]] = {}
     for name in places:
         words = [word.lower() for word in WORD.findall(name)]

@@ -1,10 +1,11 @@
 """The mood of an operator's words: an order to carry out now, or words that move no asset.
 
 *Do not send Drone_T04 there*, *yesterday we moved it*, *a visitor says: send it* and *when I say
-go, send it* name assets, gates and movements as orders do. Their grammar makes them something else:
-a verb under negation, in the past or in a supposition, another speaker, a quotation, a question, or
-a condition that no sensor shows. The signs are patterns of words (`lexicon.yaml`, *mood*). A text
-is not an order if one of its parts has such a sign and no other part asks for anything.
+go, send it* name assets, gates and movements, just as orders do. Their grammar shows that they are
+not orders. The verb is negated, in the past or part of a supposition; another person speaks; or the
+words are a quotation, a question, or subject to a condition that no sensor shows. The signs are
+patterns of words (`lexicon.yaml`, *mood*). A text is not an order if one of its parts has such a
+sign and no other part asks for anything.
 """
 
 import re
@@ -50,21 +51,21 @@ READS_AS: Mapping[MoodKind, str] = {
     "reported": "somebody else's words",
     "quoted": "a quotation",
     "questioned": "a question",
-    "benign": "word of a visitor who is to be let alone",
-    "waiting": "an order for later, on a sign that no sensor shows",
+    "benign": "a remark about a visitor who may pass",
+    "waiting": "an order for later, after something that no sensor shows",
 }
 """A description of each kind that completes *That reads as ...*."""
 
-_SAY_IT = "To have it done, say who is to do what, and where."
+_SAY_IT = "To give an order, say who is to do what, and where."
 _INSTEAD: defaultdict[str, str] = defaultdict(
     lambda: _SAY_IT,
-    prohibited="Did you mean an asset is to stay, or to go somewhere else?",
+    prohibited="Did you mean that an asset is to stay, or to go somewhere else?",
     questioned="Ask for a report, or say who is to do what, and where.",
     waiting="Give the order when the time has come, or name a time or a state that sensors show.",
 )
 
 _WHOLE: frozenset[MoodKind] = frozenset(("waiting", "wished"))
-"""Signs that apply to the whole sentence, wherever they stand in it."""
+"""Signs that apply to the whole sentence, wherever they occur in it."""
 _ONWARDS: frozenset[MoodKind] = frozenset(("supposed", "mused", "text_work", "questioned"))
 """Signs that apply to the rest of the sentence."""
 _IF = re.compile(r"\b(?:if|in case|unless|whether|should)\b")
@@ -88,10 +89,10 @@ _ASSET_NAME = re.compile(r"[A-Za-z]+_?T?\d+", re.ASCII)
 _OPENING = re.compile(
     r"(?:(?:\w+ ){0,2}, |(?:and|so|but|hey|ok|okay|well|now|say|please|sorry|um|uh|erm) )*"
 )
-"""A form of address or a filler before a question."""
+"""Forms of address and fillers before a question."""
 
 _CAUSING = frozenset(("get", "have", "want", "need", "see", "let", "keep"))
-"""Verbs after which an asset and a participle are an order: *get Drone_T04 headed home*."""
+"""Verbs that make an order of an asset and a participle: *get Drone_T04 headed home*."""
 
 _POLITE = re.compile(r"(?:can|could|would|will) not (?:you|we|it|he|she|somebody|someone)\b")
 
@@ -106,19 +107,19 @@ _STOP = re.compile(r" [,.:;!?–—]")
 
 
 class NoOrder(NamedTuple):
-    """The kind of sign that makes a text no order, and the sentence that has it."""
+    """The kind of sign that shows that a text is not an order, and the sentence with this sign."""
 
     kind: MoodKind
     sentence: str
 
     @property
     def question(self) -> str:
-        """The question back to the operator, in one or two sentences."""
+        """The answer to the operator: why nothing will move, and what to say instead."""
         return f"That reads as {READS_AS[self.kind]}. Nothing will move. {_INSTEAD[self.kind]}"
 
 
 class _Sign(NamedTuple):
-    """A phrase that marks a sentence as no order, by its position in the words."""
+    """A phrase that shows that a sentence is not an order, with its position in the words."""
 
     kind: MoodKind
     start: int
@@ -129,12 +130,12 @@ class _Sentence(NamedTuple):
     """A sentence in the form that the patterns match, and as written."""
 
     words: str
-    """Words and punctuation, separated by single blanks; names are ASSET, PLACE or KIND."""
+    """Words and punctuation, separated by single blanks; ASSET, PLACE and KIND replace names."""
     text: str
 
 
 def no_order(world: World, text: str) -> NoOrder | None:
-    """Return the sign that makes `text` no order, or None if it may be an order."""
+    """Return the sign that `text` is not an order; None if it may be an order."""
     unquoted = without_quotations(text, f" {_QUOTE} ")
     sentences = [*_sentences(world, unquoted)]
     joke = next(
@@ -183,7 +184,7 @@ def lasting_ban(world: World, text: str) -> Ban | None:
 
 
 def _sentences(world: World, text: str) -> Iterator[_Sentence]:
-    """Yield the sentences of `text`, with names and kinds of assets replaced by ASSET and so on."""
+    """Yield the sentences of `text`, with ASSET, PLACE or KIND in place of names and kinds."""
     linked = LinkedText.of(world, text)
     assets = {name.lower() for name in world.assets}
     places = {name.lower() for name in (*world.frames, *world.zones)} | {"base", "home"}
@@ -212,8 +213,8 @@ def _sentences(world: World, text: str) -> Iterator[_Sentence]:
 def _read(sentence: _Sentence, *, bare: bool, benign: bool) -> tuple[NoOrder | None, bool]:
     """Return the sign of a sentence, and whether a part without a sign asks for anything.
 
-    Up to its first sign, a `bare` sentence may ask for something without a verb. If the visitors of
-    the text are `benign`, naming a visitor asks for nothing.
+    Before its first sign, a `bare` sentence may ask for something without a verb. If the visitors
+    of the text are `benign`, naming a visitor asks for nothing.
     """
     signs = [*_signs(sentence.words)]
     spans = [_reach(sign, len(sentence.words)) for sign in signs]
@@ -264,11 +265,11 @@ def _signs(words: str) -> Iterator[_Sign]:
 
 
 def _questions(words: str) -> Iterator[_Sign]:
-    """Yield the sentence if it is a question about a movement; questions about a state are skipped.
+    """Yield a sign if the sentence is a question about a movement, not about a state.
 
-    *Should it be low, send another* begins with a condition.
+    *Should it be low, send another* begins with a condition, and is not a question.
     """
-    start = _OPENING.match(words).end()  # type: ignore[union-attr] - it may match nothing
+    start = _OPENING.match(words).end()  # type: ignore[union-attr] - it also matches ''
     is_question = words.endswith("?")
     if start and not is_question:
         start = 0
@@ -280,7 +281,7 @@ def _questions(words: str) -> Iterator[_Sign]:
 
 
 def _is_kept(words: str, negated: re.Match[str]) -> bool:
-    """Return whether leaving or losing something is forbidden, which is an order to keep it."""
+    """Return whether leaving or losing something is forbidden; that is an order to keep it."""
     after = negated[0].rpartition(" not ")[2].split()[:3]
     following = words[negated.end() :].split()
     eyes = not {"eye", "eyes"}.isdisjoint(following[:3])  # *don't take your eyes off it*
@@ -301,7 +302,7 @@ def _is_supposed(words: str, start: int) -> bool:
 
 
 def _reports(words: str) -> Iterator[_Sign]:
-    """Yield another speaker's words if they are about what assets should do."""
+    """Yield a sign for another speaker's words if they are about what assets should do."""
     for match in _pattern("say").finditer(words):
         before = words[: match.start()].split()
         while before and before[-1] in _set("adverbs"):
@@ -327,7 +328,7 @@ def _own_words(words: str, start: int) -> int:
 
 
 def _speaks_of_tasks(content: str) -> bool:
-    """Return whether reported words are about the actions of assets rather than of a visitor."""
+    """Return whether reported words are about the actions of assets, and not about a visitor's."""
     words = content.split()
     asset = next((at for at, word in enumerate(words) if word in ("ASSET", "KIND")), len(words))
     visitor = next((at for at, word in enumerate(words) if word in CONTACTS), len(words))
@@ -341,14 +342,14 @@ def _action() -> re.Pattern[str]:
 
 
 def _waits(words: str) -> Iterator[_Sign]:
-    """Yield the conditions of a sentence that neither the picture nor the clock can decide."""
+    """Yield a sign for each condition that neither the picture nor the clock can decide."""
     for match in _pattern("conditions").finditer(words):
         before = words[: match.start()].split()
         if _pattern("no_condition").match(words, match.start()):
             continue
         if _set("whether").intersection(before[-1:]) or _set("reason").intersection(before):
             continue
-        if names_time(words[: match.start()]):  # a time is given; the rest is its reason
+        if names_time(words[: match.start()]):  # a time decides; the condition is only its reason
             continue
         content = _STOP.split(words[match.end() :])[0].split()
         seen = match[0] == "after" or _set("observable").intersection(content)

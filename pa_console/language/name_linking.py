@@ -1,8 +1,8 @@
-"""Entity linking: names in other words become the world's own, `uav four` becomes Drone_T04.
+"""Entity linking, which replaces words by the names that they mean: `uav four` by Drone_T04.
 
-A small model reads a name far better as it is written than as operators say it. Words are replaced
-only if they can mean just one thing; the rest is left to the model. All names come from the world;
-`WorldNames` finds them by the words that operators use.
+A small model understands the exact name far better than the operator's words for it. Words are
+replaced only if they can mean just one thing; all other words are left to the model. All names come
+from the world; `WorldNames` finds them by the words that operators use.
 """
 
 import re
@@ -25,7 +25,7 @@ KIND_WORDS: dict[str, AssetKind] = {
     "vehicle": "ugv",
     "robot": "robot",
 }
-"""The words for assets of each kind, in any world; the first of a kind is the plainest."""
+"""The words for assets of each kind, in any world; the first word of each kind is the plainest."""
 GATE = "gate"
 DIGITS = ("zero", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 _TEENS = ("thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
@@ -34,12 +34,13 @@ WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _COMPASS = {"n": "north", "e": "east", "s": "south", "w": "west"}
 _NUMBERED = re.compile(r"(.*?)(\d+)\D*")
 _LONG = 5
-"""The length from which a word may have any misspelling; one letter less allows only a swap."""
+"""The length from which a word may have any misspelling; in a word one letter shorter, only two
+swapped letters are allowed."""
 
 _GATE_WORDS = frozenset((GATE, "entrance"))
 
 NEARLY = 85.0
-"""The least similarity of two words, out of 100, for one to be a misspelling of the other."""
+"""The least similarity, in percent, at which one word counts as a misspelling of another."""
 _PLAIN_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_a-zA-Z]+")
 
 _WORDS = word_lists("names")
@@ -50,9 +51,9 @@ _DETERMINERS = frozenset(_WORDS["determiners"])
 _TOKEN = re.compile(rf"{WORD.pattern}|[,&/+]")
 _ARTICLES = re.compile(r"\b(?:the )+$")
 _JOINTS = frozenset(("", " ", "-", "_", " #", "#"))
-"""The separators between the words of one name; a dot only after an abbreviation."""
+"""The separators between the words of one name; after an abbreviation, a dot may precede them."""
 _LONGEST = 4
-"""The most words of one name that are matched together."""
+"""The largest number of words that are matched as one name."""
 _MOST_DIGITS = 4
 
 
@@ -91,12 +92,12 @@ class WorldNames:
 
     @classmethod
     def of(cls, world: World) -> "WorldNames":
-        """Return the names of `world`; they are made once and cached."""
+        """Return the names of `world`, which are built once and cached."""
         assets = tuple((name, spec.kind) for name, spec in world.assets.items())
         return _made((*world.frames, *world.zones), assets, tuple(world.aliases.items()))
 
     def called(self, words: Sequence[str]) -> str | None:
-        """Return the name with the alias `words`, in lower case; None if there is none."""
+        """Return the name with the alias `words` (in lower case); None if there is none."""
         return self._aliases.get(tuple(words))
 
     def is_place(self, name: str) -> bool:
@@ -104,7 +105,7 @@ class WorldNames:
         return name in self._places.values()
 
     def place(self, words: Sequence[str]) -> str | None:
-        """Return the place that `words`, in lower case, name: in full, reversed, or misspelt."""
+        """Return the place that `words`, in lower case, name: in full, in reverse, or misspelt."""
         place = self._places.get("".join(words))
         if place is not None or len(words) != 2:
             return place
@@ -135,12 +136,12 @@ class WorldNames:
         return teams[0] if len(teams) == 1 else ""
 
     def asset(self, team: str, number: int) -> str | None:
-        """Return the asset of `team` with `number`; None if there is none or several."""
+        """Return the asset of `team` with `number`; None if there is no such asset, or several."""
         assets = self._numbered.get((team, number), [])
         return assets[0] if len(assets) == 1 else None
 
     def absent(self, team: str, number: int) -> str | None:
-        """Return the name that a missing asset of `team` would have; None if that is unclear."""
+        """Return the name of an asset that `team` lacks; None if its name would be unclear."""
         patterns = [*self._patterns.get(team, ())]
         if (team, number) in self._numbered or len(patterns) != 1:
             return None
@@ -178,7 +179,7 @@ def _places(names: Sequence[str]) -> dict[str, str]:
 
 
 def _stem(name: str) -> str:
-    """Return the word that identifies a gate: `yew` of GateYew; '' if there is none."""
+    """Return the word that identifies a gate: `yew` for GateYew; '' if there is none."""
     parts = _parts_of(name)
     own = [part for part in parts if part not in _GATE_WORDS]
     stem = "".join(own)
@@ -217,7 +218,7 @@ def named(names: Iterable[str], text: str) -> list[str]:
 
 
 def names_meant(names: Iterable[str], text: str) -> list[str]:
-    """Return the names whose own words `text` contains; partial matches only if none is whole.
+    """Return the names whose own words `text` contains, or partial matches if no name is complete.
 
     Words that most of the names share do not distinguish them: of NorthGate and EastGate, "the
     north and east gates" means both. A word may be misspelt; a number may not.
@@ -279,9 +280,9 @@ def link_names(world: World, text: str) -> str:
 
 
 class LinkedText(NamedTuple):
-    """A text in which names replace other words, with the ranges of these in the `original`.
+    """A text in which names replace other words, and the ranges of these words in the `original`.
 
-    `names` are ranges of characters of the original, each with its name.
+    `names` has the first and last character of each range, and the name that replaces it.
     """
 
     original: str
@@ -295,7 +296,7 @@ class LinkedText(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The text with the names."""
+        """The text with its names in place of other words."""
         parts, done = list[str](), 0
         for start, end, name in self.names:
             parts += [self.original[done:start], name]
@@ -309,7 +310,7 @@ class LinkedText(NamedTuple):
     def _before(self, at: int, *, last: bool) -> int:
         """Return the position in the original of the character `at` of the text.
 
-        Within a name it is the start of the range or, with `last`, its end.
+        Within a name, it is the start of the replaced range or, with `last`, its end.
         """
         shift = 0
         for start, end, name in self.names:
@@ -347,9 +348,9 @@ class _Linker:
             at = max(at + 1, self._linked)
 
     def _whole(self, link: _Link) -> bool:
-        """Return whether `link` has whole words: `gate North` is no name in `gate NorthGate`.
+        """Return whether `link` has only whole words: not `gate North` in `gate NorthGate`.
 
-        Nor is the `s gate` of `its owner's gate` the south gate.
+        The `s gate` of `its owner's gate` does not mean the south gate either.
         """
         start, end = self.span(link)
         if self._word(link.first) == "s" and self._text[max(start - 1, 0) : start] in ("'", "’"):
@@ -358,7 +359,7 @@ class _Linker:
         return not re.search(r"\w", around)
 
     def span(self, link: _Link) -> tuple[int, int]:
-        """Return the range of the characters of `link`, with an article before it."""
+        """Return the range of the characters of `link`, including an article before it."""
         start, end = self._tokens[link.first].start, self._tokens[link.end - 1].end
         before = self._text[:start].lower()
         if before.endswith("frame_"):
@@ -377,7 +378,7 @@ class _Linker:
             yield from (*gates[:-1], gates[-1]._replace(end=at + 1))
 
     def _longest(self, at: int, find: Callable[[Sequence[str]], str | None]) -> Iterator[_Link]:
-        """Yield the name that `find` returns for the most words from token `at` on."""
+        """Yield the longest name that `find` returns for the words from token `at` on."""
         for end in range(min(at + _LONGEST, len(self._tokens)), at, -1):
             words = [token.word for token in self._tokens[at:end]]
             name = find(words) if self._together(at, end) else None
@@ -386,7 +387,7 @@ class _Linker:
                 return
 
     def _assets(self, at: int) -> Iterator[_Link]:
-        """Yield the asset that is named at `at`, and those of the same team listed after it."""
+        """Yield the asset named at `at`, and assets of the same team that are listed after it."""
         word = self._word(at)
         team = self._names.team(word)
         if not team and word != "t" and len(word) == 1 and self._is_numbered(at):
@@ -410,7 +411,7 @@ class _Linker:
         return self._text[end : end + 1].isdigit()
 
     def _kind(self, at: int) -> Iterator[_Link]:
-        """Yield the kind in place of a team's own word that means any of its assets."""
+        """Yield the plain word of a kind in place of a team's word: *a drone* for *a firefly*."""
         before, plain = self._word(at - 1), self._names.kind_word(self._word(at))
         if plain is not None and before == "an":
             yield _Link(at - 1, at + 1, f"a {plain}")
@@ -450,7 +451,7 @@ class _Linker:
         return self._tokens[at].word if 0 <= at < len(self._tokens) else ""
 
     def _together(self, first: int, end: int) -> bool:
-        """Return whether only the separators of a name are between the tokens."""
+        """Return whether the tokens have only the separators of a name between them."""
         pairs = pairwise(self._tokens[first:end])
         return end <= len(self._tokens) and all(self._joined(*pair) for pair in pairs)
 

@@ -1,8 +1,8 @@
-"""The grammar of questions to the console, such as *Why not the robot?*, beside orders.
+"""A grammar for questions to the console, such as *Why not the robot?*.
 
-The whole text has to be such a question. With anything more it is an order, as in *Why is nobody
-there? Send someone.*; *Why not send the robot?* is an order too, because it asks for an action. The
-grammar is written by hand and reads from left to right; a text that it cannot parse is not a
+The whole text must be such a question. A text with more than that is an order, as in *Why is nobody
+there? Send someone.* *Why not send the robot?* is an order too, because it asks for an action. The
+grammar is written by hand and parses from left to right. A text that it cannot parse is not a
 question.
 """
 
@@ -20,7 +20,7 @@ from pa_console.schema.events.intake import QuestionTopic
 
 _WORDS = word_lists("questions")
 MOST_WORDS = 24
-"""The most words of a text that is read as a question."""
+"""The largest number of words in a text that is read as a question."""
 
 _SUGGESTING = ("do", "does")
 """Verbs that may give an order with *not*: *Why don't you stop?*"""
@@ -30,7 +30,7 @@ _SUGGESTING = ("do", "does")
 class Question:
     """A question in the operator's words.
 
-    `subjects` are the assets that it may mean, or a gate; none if it is about the whole plan.
+    `subjects` are the assets that it may mean, or a gate; empty if it is about the whole plan.
     """
 
     text: str
@@ -77,7 +77,7 @@ class _Grammar:
         return None
 
     def _ended(self) -> bool:
-        """Return whether the text ends here."""
+        """Skip closing words, and return whether the text ends after them."""
         self._reader.skip(_WORDS["closing"])
         return self._reader.over
 
@@ -108,18 +108,18 @@ class _Grammar:
         return _TopicWords("plan") if reader.take(*_WORDS["done_to_plan"]) else None
 
     def _at_end(self) -> bool:
-        """Return whether the text ends here; further words are not passed over."""
+        """Return whether the text ends after closing words, without skipping them."""
         start = self._reader.at
         ended = self._ended()
         self._reader.at = start
         return ended
 
-    # ------------------------------------------------------------------ why him, why not him
+    # ------------------------------------------------------------------ why this asset, why not
 
     def _why_asset(self) -> _TopicWords | None:
         """Read *why Drone_T04*, *why did you send the robot*, *why is that drone going there*.
 
-        After a comma it is an order: *Explain, robot to south*.
+        With a comma, the words are an order: *Explain, robot to south*.
         """
         reader = self._reader
         if not self._why():
@@ -137,7 +137,7 @@ class _Grammar:
     def _why_not_asset(self) -> _TopicWords | None:
         """Read *why not the robot*, *why didn't you send Robot_T02*, *why is he not sent*.
 
-        *Why don't you send the robot?* asks for it.
+        *Why don't you send the robot?* is not read, because it asks for an action.
         """
         reader = self._reader
         if not self._why():
@@ -188,7 +188,7 @@ class _Grammar:
         return _TopicWords("other_asset", subjects) if subjects else None
 
     def _task(self) -> None:
-        """Read the purpose of sending an asset, if it is only a place."""
+        """Read the place or purpose for which an asset is sent: *to the gate*, *for that*."""
         reader = self._reader
         reader.take("instead")
         self._place()
@@ -206,7 +206,7 @@ class _Grammar:
     def _assets(self) -> tuple[str, ...]:
         """Read assets: a name, the marked asset, a description or a kind.
 
-        A kind means all assets of it. Returns none if the words name no asset.
+        A kind means all its assets. The result is empty if the words name no asset.
         """
         reader, scene = self._reader, self._scene
         if name := asset_at(scene, reader):
@@ -296,7 +296,7 @@ class _Grammar:
         reader.at = start
         return ""
 
-    # ------------------------------------------------------------------ what else
+    # ------------------------------------------------------------------ alternatives
 
     def _alternatives(self) -> _TopicWords | None:
         """Read *What would you do instead*, *what else could we do*, *any other option*."""

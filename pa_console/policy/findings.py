@@ -1,7 +1,7 @@
-"""Findings in words, and plans that cannot be started: unknown names, wrong kinds of asset.
+"""Findings in words, and findings about plans that cannot be started, such as unknown names.
 
-These findings concern the vocabulary and hold under any rule file. They have an id of their own,
-and no rule file can disable them. A plan is returned as it is: nothing is dropped or repaired.
+Findings about plans concern the vocabulary, so they have an id of their own, and no rule file can
+disable them. The plan itself is returned as it is: nothing is dropped or repaired.
 """
 
 from collections import Counter
@@ -55,7 +55,7 @@ def problems(plan: Plan, world: World, picture: Picture) -> tuple[Finding, ...]:
 
 
 def _at_once(plan: Plan) -> Iterable[str]:
-    """Yield a problem for each agent with several commands that have no order."""
+    """Yield a problem for each agent with several commands but no order between them."""
     several = [agent for agent, count in Counter(plan.agents).items() if count > 1]
     for agent in several:
         own = [number for number, name in enumerate(plan.agents, start=1) if name == agent]

@@ -16,7 +16,7 @@ STANDS_MPS = 0.05
 """The speed below which an asset counts as standing still."""
 
 SURE_SIGMAS = 3.0
-"""The position error, in sigmas, that is allowed for before a gap counts as too small."""
+"""The position error, in sigmas, that is added to a gap before it is compared with the standoff."""
 
 MOST_BLOCKED = 1
 """The number of blocked gates above which a track inside counts as shut in (ROE-12)."""
@@ -34,7 +34,7 @@ class _OrderedAsset(NamedTuple):
     world: World
 
     def meets(self, track: Track) -> bool:
-        """Return whether the order leads to the track: to its gate, or anywhere inside."""
+        """Return whether the order leads to the track, at its gate or inside the perimeter."""
         if self.order.target in self.gates:
             return self.order.target == track.gate
         return self.order.target is not None and track.status == "inside"
@@ -43,7 +43,7 @@ class _OrderedAsset(NamedTuple):
 def moment(
     picture: Picture, world: World, orders: Sequence[OrderMoment], agents: Collection[str] = ()
 ) -> Moment:
-    """Return the facts that ordering rules see of `picture` while `orders` are carried out.
+    """Return the facts of `picture` that ordering rules see while `orders` are carried out.
 
     Only assets with an order are examined; `agents`, those of the plan, are needed for `up`. A
     stale track keeps its last known facts.
@@ -82,9 +82,9 @@ def distinct(moments: Iterable[Moment]) -> tuple[Moment, ...]:
 
 
 def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None] = ()) -> bool:
-    """Return True if more than MOST_BLOCKED gates, or all gates, are blocked, by any order.
+    """Return True if more than MOST_BLOCKED gates, or all gates, are blocked, whatever the orders.
 
-    To protect people inside, the gates of `ordered` blocks count as blocked before the asset
+    To protect people inside, a gate that `ordered` names counts as blocked before the asset
     arrives.
     """
     gates = frozenset(world.gates)
@@ -95,7 +95,7 @@ def ways_out_shut(picture: Picture, world: World, ordered: Collection[str | None
 
 
 class Pursuit(NamedTuple):
-    """The gate where an asset was last sent in pursuit of a track, and the number of changes."""
+    """The gate to which assets were last sent after a track, and how often it has changed."""
 
     gate: str
     changes: int
@@ -109,13 +109,13 @@ class Pursuits:
     uncovered gate does not: it goes there to cover the gate.
     """
 
-    def __init__(self, known: Mapping[str, Pursuit] | None = None) -> None:
-        """Begin with the `known` pursuits by track; without them, begin with none."""
-        self._known = dict(known or {})
+    def __init__(self, past: Mapping[str, Pursuit] | None = None) -> None:
+        """Begin with the pursuits in `past`, by track; without them, begin with none."""
+        self._pursuits = dict(past or {})
 
     def copy(self) -> "Pursuits":
         """Return an independent copy."""
-        return Pursuits(self._known)
+        return Pursuits(self._pursuits)
 
     def look(self, now: Moment) -> Moment:
         """Update from the next moment; return it with `followed` set for pursued tracks."""
@@ -128,25 +128,25 @@ class Pursuits:
         if not met:
             return now
         for name, track in met.items():
-            last = self._known.pop(name, None)
+            last = self._pursuits.pop(name, None)
             if last is None or now.time_s - last.stamp_s > PURSUIT_S:
                 last = Pursuit(track.gate, 0, now.time_s)
             changes = last.changes + (last.gate != track.gate)
-            self._known[name] = Pursuit(track.gate, changes, now.time_s)
+            self._pursuits[name] = Pursuit(track.gate, changes, now.time_s)
         self._forget(now.time_s)
         followed = {
-            name: track.model_copy(update={"followed": self._known[name].changes})
+            name: track.model_copy(update={"followed": self._pursuits[name].changes})
             for name, track in met.items()
         }
         return now.model_copy(update={"tracks": {**now.tracks, **followed}})
 
     def _forget(self, time_s: float) -> None:
         """Drop pursuits that are too old; the latest ones come last."""
-        while self._known:
-            name = next(iter(self._known))
-            if time_s - self._known[name].stamp_s <= PURSUIT_S:
+        while self._pursuits:
+            name = next(iter(self._pursuits))
+            if time_s - self._pursuits[name].stamp_s <= PURSUIT_S:
                 return
-            del self._known[name]
+            del self._pursuits[name]
 
 
 def _track(
@@ -181,8 +181,8 @@ def _hostile(track: Track) -> bool:
 def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
     """Return True if a ground asset that was sent to the track has it in sensor range.
 
-    An asset that stands at the target of its `move_to` was there before or has arrived. A track
-    that comes to it was not approached by the asset (WF-02).
+    An asset at the target of its `move_to` was there before or has arrived. If a track comes to it,
+    the asset has not approached the track (WF-02).
     """
     order, asset = sent.order, sent.asset
     under_way = order.verb == "move_to" and not order.done and asset.at != order.target
@@ -195,7 +195,7 @@ def _in_contact(sent: _OrderedAsset, track: Track) -> bool:
 def _drives_too_near(sent: _OrderedAsset, track: Track) -> bool:
     """Return whether a ground asset drives nearer to the track within the standoff (ROE-04).
 
-    A gap that measurement noise alone explains does not count, nor one that the track has closed.
+    A gap does not count if measurement noise alone explains it, or if only the track has closed it.
     """
     asset = sent.asset
     moves = COMMANDS[sent.order.verb].moves and asset.speed_mps >= STANDS_MPS

@@ -40,7 +40,7 @@ class Pending(NamedTuple):
 
 
 class OrderingBreach(NamedTuple):
-    """An ordering that subjects broke; with a `problem`, one that could not be decided."""
+    """A broken ordering and the subjects that broke it; with a `problem`, it is undecided."""
 
     rule: Rule
     message: str
@@ -150,7 +150,7 @@ class Monitor:
     ) -> None:
         """Begin without a history of the mission; the receiver of telemetry updates `sightings`.
 
-        `pursuits` are the pursuits of the session; without them the mission begins with none.
+        `pursuits` are the pursuits of the session; without them, the mission begins with none.
         """
         self.sightings = Sightings(world) if sightings is None else sightings
         """The earlier sightings. Only checks need them; orderings do not."""
@@ -227,7 +227,10 @@ class Monitor:
 
 
 def halts(finding: Finding, rulebook: Rulebook) -> bool:
-    """Return whether a broken ordering halts the plan; gates are left to premises and alarms."""
+    """Return whether the finding of a broken ordering halts the plan.
+
+    Orderings about gates do not halt it, because premises and alarms deal with gates.
+    """
     orderings = rulebook.orderings(finding.rule_id)
     return finding.blocking and any(ordering.each != "gate" for ordering in orderings)
 

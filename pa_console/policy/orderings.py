@@ -65,11 +65,11 @@ def moment_values(now: Moment) -> dict[str, Any]:
 
 
 class Evaluator:
-    """Evaluates expressions for subjects in one world, and caches each distinct result."""
+    """An evaluator of expressions about subjects in one world; it caches each distinct result."""
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._known: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
+        self._results: dict[tuple[Expression, str, tuple[Any, ...]], bool] = {}
         self._moment: Moment | None = None
         self._now: dict[str, Any] = {}
 
@@ -87,19 +87,19 @@ class Evaluator:
         if "now" in reads:
             return self._evaluate(expression, reads, values | {"now": self._values(now)})
         key = (expression, values.get("id", ""), tuple(values.get("it", {}).values()))
-        if key not in self._known:
-            self._known[key] = self._evaluate(expression, reads, values)
-        return self._known[key]
+        if key not in self._results:
+            self._results[key] = self._evaluate(expression, reads, values)
+        return self._results[key]
 
     def prepare(self, order: Ordering, *expressions: Expression) -> None:
-        """Find the fields that the `expressions` of an ordering read; this needs no deadline."""
+        """Find the fields that the `expressions` of an ordering read, outside any deadline."""
         for expression in expressions:
             expression.reads(_SHAPES[_KINDS[order.each]])
 
     def copy(self) -> "Evaluator":
         """Return an evaluator that shares the cache; another thread may use it."""
         twin = object.__new__(Evaluator)
-        twin._world, twin._known = self._world, self._known
+        twin._world, twin._results = self._world, self._results
         twin._moment, twin._now = self._moment, self._now
         return twin
 
@@ -139,7 +139,7 @@ _SHAPES: Mapping[type[Subject], Shapes] = {
     kind: {"it": flat(names), "id": None, "now": None, "world": WORLD_SHAPE}
     for kind, names in _NAMES.items()
 }
-"""The structure of each kind of subject, for its expressions."""
+"""The structure of the variables for each kind of subject."""
 
 _KINDS: Mapping[str | None, type[Subject]] = {
     "track": TrackMoment,

@@ -1,9 +1,9 @@
 """The pin on a user's rule set: the first set used is pinned, and a weaker one is refused.
 
-The pin lies in the user's state folder. The shipped set is always accepted: the package contains
-the hash of its content. Any other set must be signed by the signer of the pinned set, have the same
-name and no lower version. The operator can accept a set that does not meet this; its seal then
-records the acceptance.
+The pin is stored in the user's state folder. The shipped set is always accepted: the package
+contains the hash of its content. Any other set must be signed by the signer of the pinned set, have
+the same name, and have a version that is not lower. The operator can accept a set that does not
+meet these conditions; its seal then records the acceptance.
 """
 
 import json
@@ -28,7 +28,7 @@ class RefusedRulesError(ValueError):
 
 
 class RulesPin(StrictModel):
-    """The last accepted set: `signer` is its key's fingerprint, "shipped", or "" if unsigned.
+    """The last accepted set; `signer` is its key's fingerprint, "shipped", or "" if unsigned.
 
     `accepted` is the reason why the operator had to accept it, or "" if it was accepted
     automatically.
@@ -42,7 +42,7 @@ class RulesPin(StrictModel):
 
     @property
     def words(self) -> str:
-        """The set in words."""
+        """A description of the set."""
         by = {"": "not signed", SHIPPED: "as shipped"}.get(self.signer, f"signed by {self.signer}")
         return f"{self.name!r}{f' version {self.version}' if self.version else ''}, {by}"
 
@@ -64,16 +64,16 @@ def downgrade(pinned: RulesPin, other: RulesPin) -> str:
     if other.signer == SHIPPED:
         return ""
     if pinned.signer and not other.signer:
-        return f"{other.words}, and the set used before is {pinned.words}"
+        return f"{other.words}, but the set used before is {pinned.words}"
     if pinned.signer and other.signer != pinned.signer:
-        return f"{other.words}, and the set used before is {pinned.words}"
+        return f"{other.words}, but the set used before is {pinned.words}"
     if pinned.signer and other.name != pinned.name:
-        return f"{other.words}, and the set used before is another, {pinned.words}"
+        return f"{other.words}, but the set used before is another one, {pinned.words}"
     if other.name == pinned.name and _order(other.version) < _order(pinned.version):
         lower = other.version or "none"
         return f"its version is {lower}, lower than {pinned.version} of the set used before"
     if pinned.accepted and not other.signer and other.content_sha256 != pinned.content_sha256:
-        return f"{other.words}, and not what was accepted before"
+        return f"{other.words}, but not with the content that was accepted before"
     return ""
 
 
@@ -94,8 +94,8 @@ class RulesPins:
             return None
         except (OSError, ValidationError) as error:
             raise RefusedRulesError(
-                f"{self._path}: it cannot be read which rules were used before ({_first(error)}). "
-                "Bring the file back, or remove it and look through the rules that are used next"
+                f"{self._path}: the pin of the rules used before is unreadable ({_first(error)}). "
+                "Restore the file, or remove it and review the rules that are used next"
             ) from error
 
     def refusal(self, name: str, seal: RulesSeal) -> str:
@@ -116,9 +116,9 @@ class RulesPins:
         why = "" if pinned is None else downgrade(pinned, pin)
         if why and not accept:
             raise RefusedRulesError(
-                f"the rules {name!r} are refused: {why}. Bring back the set that was used, use the "
-                "shipped one (--rules checkpoint), or look through this one and start console or "
-                "mission with --accept-rules, which the log and every report will say"
+                f"the rules {name!r} are refused: {why}. Restore the set that was used, use the "
+                "shipped set (--rules checkpoint), or review this set and start console or mission "
+                "with --accept-rules, which the log and every report will state"
             )
         note = f"{why} (accepted {self._now():%Y-%m-%d})" if why else ""
         if pinned is not None and not why and _same(pinned, pin):

@@ -1,9 +1,10 @@
-"""The words of a mission as a reader sees them, in any spelling, for checks of words.
+"""The words of a mission as a person would read them, in any spelling, for checks of words.
 
 Invisible characters are removed and compatibility forms resolved before anything reads a mission.
-The other foldings are for checks only: letters of other scripts that look Latin, accents, digits
-and signs in place of letters, repeated or separated letters, and markup around words. A folding is
-never shown to a model or a person; it is one more way in which a check reads the text.
+The other foldings are for checks only. They replace letters of other scripts that look Latin,
+accents, digits and signs in place of letters, repeated or separated letters, and markup around
+words. A folding is never shown to a model or a person; it is one more way in which a check reads
+the text.
 """
 
 import re
@@ -61,7 +62,8 @@ _SOUGHT = frozenset(
         *("over", "down", "into", "inside", "robot", "robots", "drone", "drones", "units", "team"),
     )
 )
-"""Words that rules on words search for. They are also found split, or with digits at the end."""
+"""The words that rules search for in a mission. They are also found if they are split, or if digits
+stand for their letters."""
 
 _STROKES = str.maketrans(_SIGNS | dict.fromkeys(("i", "l", *_ONES), "1"))
 

@@ -1,4 +1,4 @@
-"""The search for rules by words: an inverted index, spellings, and groups of related words."""
+"""Parts of the search for rules by words: an inverted index, spellings, groups of related words."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +22,7 @@ _END = "\N{LINE SEPARATOR}"
 
 SHORTEST, LONGEST = 2, 4
 ALIKE = 0.6
-"""The similarity of spelling from which a word counts as a member of a group."""
+"""The least similarity of spelling at which a word counts as a member of a group."""
 
 _CHUNK = 10_000
 
@@ -55,10 +55,10 @@ Numbers = NDArray[np.int32]
 
 
 class Postings:
-    """The documents that contain each term (ascending), and how often each contains it.
+    """An inverted index: the documents that contain each term, ascending, and how often.
 
-    `words` are the documents' words. `terms` returns the terms of a word: the word itself, or its
-    character n-grams. Each distinct word is split only once.
+    `words` are the words of each document. `terms` returns the terms of a word: the word itself, or
+    its character n-grams. Each distinct word is split only once.
     """
 
     def __init__(
@@ -80,9 +80,9 @@ class Postings:
             flat = [part for document in chunk for part in document]
             if not flat:
                 continue
-            found = np.concatenate(flat).astype(np.int64)
+            term_numbers = np.concatenate(flat).astype(np.int64)
             owners = np.repeat(np.arange(start, start + len(chunk)), sizes)
-            pairs, often = np.unique(found * self.size + owners, return_counts=True)
+            pairs, often = np.unique(term_numbers * self.size + owners, return_counts=True)
             numbers.append((pairs // self.size).astype(np.int32))
             documents.append((pairs % self.size).astype(np.int32))
             counts.append(often.astype(np.int32))
@@ -127,7 +127,7 @@ class Vocabulary(StrictModel):
 
     name: Name = "none"
     groups: dict[Name, tuple[Word, ...]] = {}
-    ignored: tuple[Word, ...] = Field(default=(), description="words that are not looked for")
+    ignored: tuple[Word, ...] = Field(default=(), description="words that the search ignores")
 
     @model_validator(mode="after")
     def _ignored_words_have_no_group(self) -> Self:
@@ -136,7 +136,7 @@ class Vocabulary(StrictModel):
             for index, word in enumerate(words):
                 if word in ignored:
                     raise ValueError(
-                        f"groups.{group}.{index}: {word!r} is also ignored; take it out of one"
+                        f"groups.{group}.{index}: {word!r} is also ignored; remove it from one"
                     )
         return self
 

@@ -29,11 +29,12 @@ DECIMALS = 9
 
 K1, B = 1.2, 0.75
 OFFSET = 60.0
-"""The offset that levels out the first places; the value of Cormack, Clarke and Buettcher (SIGIR
-2009)."""
+"""The offset that makes the first places more equal; its value is that of Cormack, Clarke and
+Buettcher (SIGIR 2009)."""
 _WORD = re.compile(r"\w+")
 ALIKE = 0.3
-"""The likeness from which a different spelling counts; its weight is then its square."""
+"""The least likeness at which a different spelling counts; its weight is the square of its
+likeness."""
 RELATED = 0.8
 """The weight of a related word; the same word has weight 1."""
 LENGTH = 0.4
@@ -49,7 +50,7 @@ def rounded(scores: Floats) -> Floats:
     """Return `scores` rounded to decimals that are the same on every processor.
 
     Processors differ in the last digits of a logarithm. Scores are rounded before they are
-    compared, so that an order gets the same rules and its log the same numbers everywhere.
+    compared, so that an order gets the same rules, and its log the same numbers, on every machine.
     """
     return np.round(scores, DECIMALS)
 
@@ -63,7 +64,7 @@ class RuleRanking(Protocol):
 
 
 def best(scores: Floats, k: int) -> list[int]:
-    """Return the places of the `k` highest scores, best first; equal scores in ascending order."""
+    """Return the places of the `k` highest scores, best first; equal scores keep their order."""
     if k <= 0 or not len(scores):
         return []
     if k < len(scores):
@@ -137,9 +138,9 @@ def _better(scores: Floats) -> Floats:
 class PaperRanking:
     """The mean of the sequence similarity and the Jaccard similarity of two texts, in [0, 1].
 
-    `fuzzy` is rapidfuzz's `ratio` of the lower-cased texts: twice the longest common subsequence
-    over the summed lengths. `jaccard` is the number of words in both texts over the number of words
-    in either. The paper states that the two are combined, but not how.
+    `fuzzy` is rapidfuzz's `ratio` of the lower-cased texts: twice the longest common subsequence,
+    divided by the sum of the lengths. `jaccard` is the number of words in both texts, divided by
+    the number of words in either. The paper states that the two are combined, but not how.
     """
 
     def __init__(self, rules: Sequence[Rule]) -> None:
@@ -152,8 +153,8 @@ class PaperRanking:
         """Return the mean of both similarities for each rule, and the two similarities."""
         if not self._texts:
             return np.zeros(0), {}
-        found = process.cdist([text.lower()], self._texts, scorer=fuzz.ratio, dtype=np.float64)
-        fuzzy = np.asarray(found[0], dtype=np.float64) / 100.0
+        ratios = process.cdist([text.lower()], self._texts, scorer=fuzz.ratio, dtype=np.float64)
+        fuzzy = np.asarray(ratios[0], dtype=np.float64) / 100.0
         words = _words(text)
         both = np.zeros(self._postings.size)
         for word in words:
@@ -170,10 +171,10 @@ def _words(text: str) -> set[str]:
 class RelatedRanking:
     """The share of a mission's words that a rule covers, by the same or related words.
 
-    The nearness of a rule to a word of the mission is that of its nearest word: 1 for the same
-    word, the square of their likeness for a different spelling, and RELATED times the fit of both
-    to a group of the vocabulary for a related word. Each nearness is weighted by its rarity: the
-    logarithm of the number of rules over the number of rules that are as near. So if many rules
+    The nearness of a rule to a word of the mission is the nearness of its nearest word: 1 for the
+    same word, the square of their likeness for a different spelling, and RELATED times the fit of
+    both to a group of the vocabulary for a related word. Each nearness is weighted by its rarity:
+    the logarithm of the ratio of all rules to the rules that are at least as near. So if many rules
     concern a topic, the few that use the mission's own word rank first. `words` is the score by
     spelling, `related` the score by vocabulary. Longer rules score lower.
     """
@@ -252,10 +253,10 @@ METHODS = tuple(_MAKERS)
 
 
 class Retriever:
-    """Scores rules against a mission text by one of METHODS and picks the best.
+    """A retriever that scores rules for a mission text by one of METHODS and picks the best.
 
     Rules are sorted by id, so that equal scores come in the order of the ids and not of the rule
-    file. Rules that are not shown to models are left out; they influence no result and no score.
+    file. Rules that are not shown to models are left out, and do not influence any result or score.
     """
 
     def __init__(

@@ -115,10 +115,10 @@ def check_rule(
 
 
 def _broken_orderings(ahead: Monitor, rehearsal: Rehearsal) -> Mapping[str, Finding]:
-    """Return, by rule id, the orderings that the rehearsed plan breaks in addition.
+    """Return, by rule id, the findings of orderings that the rehearsed plan would break.
 
-    `ahead` is a copy that may be advanced. Breaches at the rehearsal's first moment, before any
-    command, are not caused by the plan.
+    `ahead` is a copy of the monitor that may be advanced. Breaches at the rehearsal's first moment,
+    before any command, are not caused by the plan.
     """
     by_rule: dict[str, Finding] = {}
     moments = list(rehearsal.moments)
@@ -139,8 +139,8 @@ def _contexts(
 ) -> list[cel.Context]:
     """Return the contexts for the checks `parts`: one for each way to read `mission`.
 
-    Another way to read the words matters only to rules about the mission, so its context has only
-    the variables of those rules.
+    Other ways to read the words matter only to rules about the mission, so their contexts have only
+    the variables of these rules.
     """
     contexts = [make_context(variables)]
     if "mission" in variables:

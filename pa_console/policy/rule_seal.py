@@ -18,13 +18,13 @@ PURPOSE = b"pa-console rule set\n"
 
 
 class ShippedRules(StrictModel):
-    """The rules that the package itself vouches for; `rules pin --write` writes the file."""
+    """The rules that the package itself contains; `rules pin --write` writes their file."""
 
     name: str
     content_sha256: str
     """The hash of the content of an unchanged set called `name`."""
     core: tuple[Rule, ...]
-    """Rules that a file can add to but not weaken (`rulebook.py`)."""
+    """The rules that a file can add to but not weaken (`rulebook.py`)."""
 
     @property
     def text(self) -> str:
@@ -40,7 +40,7 @@ def content_sha256(rule_set: RuleSet) -> str:
 
     The hash covers name, version, source, every field of every rule and workflow, and the order of
     rules, workflows and the lists in them. It does not cover comments, white space, quoting, the
-    order of keys, and whether a default is written out.
+    order of keys, or whether a default is written out.
     """
     return hashlib.sha256(canonical(plain_set(rule_set)).encode()).hexdigest()
 
@@ -81,7 +81,7 @@ def canonical(value: object) -> str:
 
 
 class AlteredRulesError(ValueError):
-    """A signed rule set that was changed later; the message gives file, problem and remedy."""
+    """A rule set that was changed after it was signed; the message has the problem and remedy."""
 
 
 def signature_path(rules: Path) -> Path:
@@ -111,7 +111,7 @@ def sign_rules(path: Path, rule_set: RuleSet, signer: Signer) -> RulesSignature:
 
 
 def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
-    """Return the seal of `rule_set`, read from `path`; it is altered if the signature does not fit.
+    """Return the seal of `rule_set`, read from `path`; `altered` if its signature does not match.
 
     The shipped set is recognized by its content, whose hash is in the package. A signature file
     that cannot be read counts as altered too. Raises SigningError if this machine's own keys cannot
@@ -134,10 +134,10 @@ def seal_of(path: Path, rule_set: RuleSet) -> RulesSeal:
         return _altered(unsigned, f"its signature cannot be read: {error}")
     message = _message(signature.name, signature.version, signature.content_sha256)
     if not is_signature(signature.signature, message, signature.key):
-        return _altered(unsigned, f"{place} was edited: no key made that signature")
+        return _altered(unsigned, f"{place} was edited: the signature does not match its key")
     signed = (signature.name, signature.version, signature.content_sha256)
     if signed != (rule_set.name, rule_set.version, unsigned.content_sha256):
-        return _altered(unsigned, f"the signature is for {_told(*signed)}; this is another")
+        return _altered(unsigned, f"the signature is for {_set_words(*signed)}, not for this set")
     key = fingerprint(signature.key)
     if key in known_keys():
         return unsigned.model_copy(update={"standing": "own key", "key": key})
@@ -150,9 +150,9 @@ def refuse_altered(path: Path, seal: RulesSeal) -> None:
     """Raise AlteredRulesError if the rules at `path` differ from their signature."""
     if seal.altered:
         raise AlteredRulesError(
-            f"{path}: ALTERED since it was signed: {seal.problem}. Bring back the signed file; or "
-            f"look through it and sign it anew: pa-console rules sign {path}; or start console, "
-            "mission or eval with --unsigned, which the session's log will say"
+            f"{path}: ALTERED since it was signed: {seal.problem}. Restore the signed file; or "
+            f"review the changes and sign it again: pa-console rules sign {path}; or start "
+            "console, mission or eval with --unsigned, which the session's log will state"
         )
 
 
@@ -160,7 +160,7 @@ def _altered(seal: RulesSeal, problem: str) -> RulesSeal:
     return seal.model_copy(update={"standing": "altered", "problem": problem})
 
 
-def _told(name: str, version: str, content: str) -> str:
+def _set_words(name: str, version: str, content: str) -> str:
     return f"{name!r} {f'version {version}' if version else 'without a version'}, {content[:SHORT]}"
 
 

@@ -7,9 +7,9 @@ actions   plan.actions, a list of {agent, command, verb, target, goes_to, kind, 
           tracks}. `target` is '' for a command without one; `goes_to` is the target, the base for
           return_to_base, and '' for hold and report; `kind` is '' and `asset` null for an unknown
           agent; `asset` is its entry in `assets`, `outcome` its entry in timeline.assets or null;
-          `tracks` are those the action meets: at its gate, or inside the perimeter if it goes to a
-          frame that is not a gate. (CEL copies the value before a dot: `actions` is faster than
-          `plan.actions`.)
+          `tracks` are those that the action meets: at its gate or, if it goes to a frame that is
+          not a gate, inside the perimeter. (CEL copies the value before a dot, so `actions` is
+          faster than `plan.actions`.)
 before    the picture at the time of planning: {time_s, assets, tracks, gates}, each by name.
 after     the picture at the end of the rehearsed plan, in the same form.
 timeline  the events in between: {duration_s, gates, tracks, assets}, each by name.
@@ -24,7 +24,7 @@ assets    list of before.assets, each {id, kind, at, post, position, speed_mps, 
           battery_pct, low_battery, comms, available, stale, integrity, stamp_s, goes_to}: `goes_to`
           is its post after the plan; `at`, `post` and `goes_to` are '' for no frame.
 gates     list of {name, by, unsure, covered_before, covered_after, longest_gap_s}; `unsure` are
-          assets that were last reported there; they alone do not cover a gate.
+          assets that were last reported at the gate, but do not cover it by themselves.
 sightings list of {track, place, gate, kind, identity, intent, noncombatants, stamp_s, age_s}: where
           each track was last detected within the past hour, including tracks that are no longer
           known. A `place` is a zone that contained the track, a frame within whose radius it was,
@@ -37,8 +37,8 @@ world     {gates, frames, zones, assets, base, standoff_m, coverage_grace_s, low
           commands}; frames, zones and assets map names to kinds, commands verbs to kinds.
 
 Stale or suspect values count as unknown: an asset with such values is not available. Policies refer
-to names, not to positions on the map, so routes and polygons are left out. `filter` and `map` copy
-their results so far at each hit: over `assets`, use `exists`.
+to names, not to positions on the map, so routes and polygons are left out. At each hit, `filter`
+and `map` copy their results so far, so use `exists` over `assets`.
 """
 
 import math
@@ -143,7 +143,7 @@ _COVER = ("by", "unsure")
 
 
 class TrackSighting(NamedTuple):
-    """The last detection of a track at a place, in simulated seconds, with the known facts."""
+    """The last detection of a track at a place, with its simulated time and the known facts."""
 
     track: str
     place: str
@@ -189,7 +189,7 @@ class Sightings:
             del self._last[key]
 
     def at(self, picture: Picture) -> list[Values]:
-        """Return the `sightings` that checks see if `picture` is the present, as plain values.
+        """Return the variable `sightings` for checks of `picture`, as plain values.
 
         Detections in `picture` are included, but they are not stored.
         """

@@ -1,7 +1,7 @@
-"""The rulebook: a rule file with compiled expressions. An unenforceable file is refused whole.
+"""The rulebook: a rule file with compiled expressions. An unenforceable file is refused as a whole.
 
-The core (`shipped_rules.json`) is in force with every rule file. A file may add to it: a rule with
-the id of a core rule is decided in addition to that rule.
+The core (`shipped_rules.json`) is in force with every rule file. A file may add to the core: a rule
+with the id of a core rule is decided in addition to the core rule.
 """
 
 import hashlib
@@ -34,8 +34,8 @@ from pa_console.schema.document import Document, FieldPath, read_text
 from pa_console.schema.rule import Ordering, Rule, RuleSet, RulesSeal, Workflow
 
 MAX_SET_SIZE = 100_000
-"""The limit on the tokens of all expressions in a file; each expression also counts for
-EXPRESSION_SIZE tokens."""
+"""The limit on the tokens of all expressions in a file; each expression counts for EXPRESSION_SIZE
+more tokens."""
 EXPRESSION_SIZE = 20
 
 MISSION_VARIABLES = frozenset(("mission", "world"))
@@ -92,7 +92,7 @@ class CompiledRule:
 
     @property
     def about_mission_only(self) -> bool:
-        """True if it can be decided at intake, from the mission's words alone."""
+        """True if the rule can be decided at intake, from the mission's words alone."""
         return self.check is not None and self.variables <= MISSION_VARIABLES
 
 
@@ -123,7 +123,7 @@ class ExpressionError(ValueError):
 
 
 class Compiler:
-    """Compiles expressions; each may run for `deadline_s`, and their total size is limited."""
+    """A compiler of expressions; each may run for `deadline_s`, and their total size is limited."""
 
     def __init__(self, deadline_s: float = DEADLINE_S) -> None:
         self._deadline_s = deadline_s
@@ -356,7 +356,7 @@ def _as_strict(own: Rule | None, core: Rule) -> bool:
 
 
 def shipped_rules(rule_set: RuleSet) -> ShippedRules:
-    """Return the rules that the package vouches for; raises KeyError if a core rule is missing."""
+    """Return the rules to ship with the package; raises KeyError if a core rule is missing."""
     by_id = {rule.id: rule.model_copy(update={"examples": ()}) for rule in rule_set.rules}
     return ShippedRules(
         name=rule_set.name,

@@ -6,12 +6,12 @@ it      the asset, track or gate in question. An asset is {id, kind, at, post, p
         status, task, battery_pct, low_battery, comms, available, stale, integrity, stamp_s}, a gate
         {name, covered, by, uncovered_s, unsure}; a track has every field of `Track`. An unknown
         value is ''.
-id      its name.
+id      the name of `it`.
 now     {time_s, weather}.
 world   as in a rule's check.
 
 A condition on a stale asset or track, or on an asset that is suspect or has lost its link, is
-unknown, unless the expression itself reads one of these facts.
+unknown, unless the expression itself reads one of the fields that show this.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,7 +41,7 @@ _FIELDS: Mapping[SubjectKind, Record] = {
 }
 _NOW = flat(("time_s", "weather"))
 _OF_SILENCE = frozenset(("stale", "comms", "available", "integrity", "status"))
-"""The fields that describe the link itself."""
+"""The fields that show whether telemetry is missing or unreliable."""
 
 
 @dataclass
@@ -56,7 +56,7 @@ class StandingCondition:
     _seen: dict[str, tuple[object, bool]] = field(
         default_factory=dict[str, tuple[object, bool]], repr=False
     )
-    """The latest facts and result of each subject."""
+    """The latest facts and the result for each subject."""
 
     def __post_init__(self) -> None:
         if self.order.each is None:

@@ -41,6 +41,9 @@ WORK = {
 SHOWN_AFTER_S = 0.3
 """Seconds before a step is shown, because a shorter step ends before its name can be read."""
 
+LONG = 2.0
+"""The multiple of its usual time after which a step is shown as taking longer."""
+
 _REMEMBERED = 20
 _LEAST = 3
 """The minimum number of measured durations for their median to count as the usual time."""
@@ -138,9 +141,16 @@ class Waiting:
             usually = _rehearsed(state, rate)
         else:
             usual = self.usual_s(step)
-            usually = f", usually {duration_text(usual)}" if usual is not None else ""
+            usually = _compared(elapsed, usual) if usual is not None else ""
         written = f", {self.tokens} tokens" if self._written else ""
         return f"{WORK[step]}: {elapsed:.0f} s{usually}{written}"
+
+
+def _compared(elapsed_s: float, usual_s: float) -> str:
+    """Return the usual time of a step in words, and whether the step takes much longer now."""
+    usual = duration_text(usual_s)
+    slow = elapsed_s > LONG * usual_s
+    return f", longer than the usual {usual}" if slow else f", usually {usual}"
 
 
 def behind_line(state: SessionState, how: str) -> str:

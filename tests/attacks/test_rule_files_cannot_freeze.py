@@ -87,7 +87,7 @@ def test_a_hostile_file_is_refused_or_decided(tmp_path: Path, kind: str) -> None
         ('mission.text.finds("(")', "not a regular expression"),
         ("mission.text.finds(mission.words)", "must be written out"),
         ("actions.all((a), true)", "a plain name"),
-        ("__going_on()", "not for rules"),
+        ("__going_on()", "a rule may not use"),
     ],
 )  # fmt: skip
 def test_what_is_too_large_or_not_supported_is_named_with_its_place(

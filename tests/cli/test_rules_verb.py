@@ -90,7 +90,7 @@ def test_with_unsigned_the_log_s_first_record_says_so(
     assert isinstance(started, SessionStarted)
     assert started.rules_seal is not None
     assert started.rules_seal.standing == "altered"
-    assert "this is another" in started.rules_seal.problem
+    assert "not for this set" in started.rules_seal.problem
 
 
 def test_a_comparison_shows_rule_field_and_words(call: Call, signed: Path, tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_what_is_no_order_of_steps_is_not_parted(text: str) -> None:
         ("Bring Ugv_T02 home, but not before Robot_T01 is at the east gate.", "sends Robot_T01"),
         ("Once Robot_T02 is in place, Ugv_T01 leaves for the base.", "sends Robot_T02"),
         ("If a car comes, send Drone_T04 north, then Robot_T01 to the north gate, then report.",
-         "A condition and steps"),
+         "both a condition and steps"),
         ("First Drone_T04 to the north gate, then Robot_T01 home, then the weather is fine.",
          "Step 3"),
     ],

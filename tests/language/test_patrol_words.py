@@ -54,7 +54,7 @@ def test_what_is_no_patrol_is_left_to_the_models(text: str) -> None:
         ("Patrol north and south until told otherwise.", "at most 5 (patrol_laps)"),
         ("Patrol north and south with Drone_T04 9 times.", "9 laps are too many"),
         ("Patrol north and south with Drone_T04 and Drone_T01.", "one asset goes on a patrol"),
-        ("Patrol north and the quarry with Drone_T04 and south.", "“quarry” has no part"),
+        ("Patrol north and the quarry with Drone_T04 and south.", "“quarry” is not understood"),
     ],
 )
 def test_what_is_not_clear_about_a_patrol_is_asked_back(text: str, told: str) -> None:

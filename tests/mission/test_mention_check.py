@@ -119,7 +119,7 @@ def test_a_wrong_reading_is_told_by_what_does_not_match(
 def test_a_time_that_the_plan_does_not_keep_is_a_gap(site: Site) -> None:
     plan = Plan(reason="", actions=(Action(agent="Drone_T04", command="move_to EastGate"),))
     text, asked = "iIn one minute send Drone_T04 to the east gate.", "Drone_T04 to EastGate"
-    assert check(site, text, asked, plan).gaps == ("no time is kept: one minute",)
+    assert check(site, text, asked, plan).gaps == ("time not kept: one minute",)
     assert check(site, text.removeprefix("iIn one minute "), asked, plan).gaps == ()
 
 

@@ -145,9 +145,9 @@ async def test_an_instruction_given_beforehand_approves_no_standing_order(rig: R
 @pytest.mark.parametrize(
     ("text", "asks"),
     [
-        ("Whenever the moon is full, relieve a drone.", "what it waits for is not understood"),
-        ("Whenever the drone is below 20 %, relieve it.", "what it waits for is not understood"),
-        ("Relieve a drone whenever it is below 20 %.", "Say it as: Whenever CONDITION, ORDER"),
+        ("Whenever the moon is full, relieve a drone.", "condition of this standing order"),
+        ("Whenever the drone is below 20 %, relieve it.", "condition of this standing order"),
+        ("Relieve a drone whenever it is below 20 %.", "Write: Whenever CONDITION, ORDER"),
         ("Each time a gate has no guard, do its thing.", "What does “its” stand for"),
         ("Whenever a drone is below 20 %, lorem ipsum dolor sit amet.", "not understood"),
         ("If a drone ever fails, relieve it at most 99 times an hour.", "How many times an hour"),

@@ -136,7 +136,7 @@ async def test_what_is_no_order_is_asked_back_about_or_moves_nobody(rig: Rig, ki
 @pytest.mark.parametrize(
     ("text", "asked"),
     [
-        ("Send it home.", "Who is meant by “it”?"),
+        ("Send it home.", "Which asset is meant by “it”?"),
         ("Close the window, it is draughty.", "it names nobody and nothing of this site"),
     ],
 )

@@ -170,10 +170,10 @@ def test_a_file_changed_meanwhile_is_not_overwritten_without_asking(rules: Path)
     save_rule(opened, text, anyway=True)
     both = FILE.replace("Report.", "Report at once.").replace("Be kind.", "Be polite.")
     assert rules.read_text() == both
-    with pytest.raises(RulesChangedError, match="and so was this rule"):
+    with pytest.raises(RulesChangedError, match="and so has this rule"):
         save_rule(opened, opened.text)
     rules.write_text(FILE.replace("ROE-01", "ROE-04"))
-    with pytest.raises(DocumentError, match="no such rule any more"):
+    with pytest.raises(DocumentError, match="no longer has this rule"):
         save_rule(opened, text, anyway=True)
 
 

@@ -153,7 +153,7 @@ def test_removing_a_rule_takes_its_own_comments_and_nothing_else() -> None:
         ("rules: [{id: A}]\n", "one below the other"),
         ("name: x\n", "list of rules"),
         ("rules:\n  - id: [\n", "not valid YAML"),
-        ("rules:\r  - id: A\r", "CR alone"),
+        ("rules:\r  - id: A\r", "CR only"),
     ],
 )
 def test_a_file_that_cannot_be_cut_says_why(tmp_path: Path, text: str, problem: str) -> None:

@@ -211,7 +211,7 @@ async def test_a_file_changed_meanwhile_is_asked_about(rules: Path) -> None:
         await write(pilot, editor, "message: ", "message:  ")
         rules.write_text(theirs)
         await pilot.press("ctrl+s")
-        assert "was changed meanwhile, but not this rule" in await answer(pilot, "n")
+        assert "has changed in the meantime, but not this rule" in await answer(pilot, "n")
         assert rules.read_text() == theirs
         assert app.controllers.rules.bench.drafts
         await pilot.press("ctrl+s")

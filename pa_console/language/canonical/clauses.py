@@ -1,8 +1,8 @@
-"""The clauses of canonical words: one table of forms, each for a task.
+"""The clauses of canonical words, in one table of forms; each form is for one task.
 
-Everything else is derived from it: canonical words are written and parsed in these forms
-(`reading.py`), the grammar of a model's answer is built from them (`clause_grammar.py`), and their
-plain forms are shown to people (`reading.py`).
+Everything else is derived from this table: `reading.py` writes and parses canonical words in these
+forms and shows their plain forms to people, and `clause_grammar.py` builds the grammar of a model's
+answer from them.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,31 +16,31 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind
 ASKED = "asked: "
 """The beginning of a reason or feedback that has a reading."""
 NOTHING = "nothing"
-"""The words in place of clauses for a case with nothing to do."""
+"""The word that replaces the clauses of a case in which nothing is to be done."""
 OTHERS_STAY = "others stay"
-"""The end of a reading in which no other asset may move."""
+"""The end of a reading if no other asset may move."""
 EXCEPT = "except "
 """The beginning of the part of a reading that lists what the order rules out."""
 NOWHERE = "unknown place"
-"""The words for a place that the world does not have."""
+"""The words for a place that does not exist in the world."""
 SOMEBODY = "somebody"
 TEAM = WordForm("({every}|{count} {kind}{plural})[ from {origin}]")
-"""The form for assets without names; in plain words, its parts have the same order."""
+"""The form for assets without names; plain words have its parts in the same order."""
 TEAM_SLOTS: Mapping[str, str] = {
     "every": "all|any",
     "count": "[0-9]+|all",
     "kind": "|".join(PLAIN_KINDS.values()),
     "plural": "s?",
 }
-"""The contents of the slots of `TEAM` except the origin, as regular expressions without groups."""
+"""A regular expression, without groups, for each slot of `TEAM` except the origin."""
 MOST_NAMES = 12
-"""The most assets that one clause can name."""
+"""The largest number of assets that one clause can name."""
 MOST_EXCLUDED = 6
-"""The most assets and places that an order can rule out."""
+"""The largest number of assets and places that an order can rule out."""
 KIND_FORMS: Mapping[str, AssetKind] = {
     form: kind for kind, word in PLAIN_KINDS.items() for form in (word, f"{word}s")
 }
-"""Each form of the words for kinds of assets, with the kind."""
+"""The words for kinds of assets, singular and plural, each mapped to its kind."""
 
 _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBODY}
 
@@ -49,11 +49,11 @@ _DEFAULTS: Mapping[str, str] = {"place": NOWHERE, "gate": NOWHERE, "who": SOMEBO
 class Clause:
     """The form of a task in canonical `words`, and in plain words for people.
 
-    The slots of `words` are: `who`, `place` (where an asset can be sent), `gate` (where a contact
-    can come and a guard can be), `first` and `second` (assets), `massed` (a kind), `thing` and
-    `stranger` (vehicle or person), `track` (with its place) and `guard` (with its place). Those of
-    `plain` are `who`, `place`, `first`, `second`, `massed`, `thing`, and the names in `track` and
-    `guard`: `track_id` and `leaving`.
+    The slots of `words` are `who`, `place` (to which an asset can be sent), `gate` (which contacts
+    approach and assets guard), `first` and `second` (assets), `massed` (a kind), `thing` and
+    `stranger` (vehicle or person), `track` (with its place) and `guard` (with its place). The slots
+    of `plain` are `who`, `place`, `first`, `second`, `massed` and `thing`, and also `track_id`, the
+    name in `track`, and `leaving`, the name in `guard`.
     """
 
     task: Task
@@ -109,7 +109,7 @@ CLAUSES: tuple[Clause, ...] = (
     ),
     _clause("go", "{who} to {place}", "send {who} to {place}"),
 )
-"""All forms; a clause is read as the first form that matches."""
+"""All forms; a clause is parsed by the first form that matches."""
 
 
 class Aggravation(NamedTuple):
@@ -121,19 +121,20 @@ class Aggravation(NamedTuple):
 
 
 ASIDE = Aggravation("override", "set rules aside, ", " (setting rules aside)")
-"""The addition before a clause; in plain words, after it."""
+"""The addition that comes before a clause in canonical words, and after it in plain words."""
 UNLAWFUL: tuple[Aggravation, ...] = (
     Aggravation("skip_identification", " without identification", " without identification"),
     Aggravation("skip_warning", " without warning", " without warning"),
     Aggravation("noncombatants", " with noncombatants", " (though noncombatants are there)"),
 )
-"""The additions after a clause."""
+"""The additions that come after a clause."""
 
 
 def written(task: Task, slots: Mapping[str, str], wrong: Wrong | None = None) -> str:
     """Return the clause for a task; `slots` has the values of its slots.
 
-    `wrong` selects the form of a refused ask. A required place that is missing becomes unknown.
+    `wrong` selects the form of a refused ask. A required place that is missing is written as
+    `NOWHERE`.
     """
     forms = [clause.words for clause in CLAUSES if clause.task == task and clause.wrong == wrong]
     form = next((form for form in forms if form.fits(slots)), forms[0])
@@ -141,25 +142,25 @@ def written(task: Task, slots: Mapping[str, str], wrong: Wrong | None = None) ->
 
 
 def counted(kind: AssetKind, count: int | str) -> dict[str, str]:
-    """Return the values of the slots of `TEAM` for a number of assets of a kind."""
+    """Return the values of the slots of `TEAM` for `count` assets of a kind."""
     plural = "" if count == 1 else "s"
     return {"count": str(count), "kind": PLAIN_KINDS[kind], "plural": plural}
 
 
 class NamePatterns(NamedTuple):
-    """The possible names in clauses: a regular expression for each sort of name."""
+    """Regular expressions for the names in clauses, one for each sort of name."""
 
     asset: str
     place: str
-    """A destination of assets."""
+    """A place to which assets can be sent."""
     gate: str
-    """A place with an approach and a guard's post."""
+    """A place that contacts approach and assets guard."""
     team: str
     """Assets without names, with their origin."""
     track: str
-    """A track with its place: "T at G"."""
+    """A track with its place, as in "T at G"."""
     guard: str
-    """An asset that is relieved or lost, with its place: "A at G"."""
+    """An asset that is relieved or lost, with its place, as in "A at G"."""
     stranger: str = " vehicle| person"
     """The word for an unknown contact, with the space before it."""
 
@@ -183,7 +184,7 @@ def clause_patterns(
 ) -> Iterator[tuple[Clause, str]]:
     """Yield each clause with its regular expression.
 
-    `group` returns the group for a slot, from its name and the expression for its contents.
+    `group` makes the group for a slot from its name and the expression for its contents.
     """
     place, asset = f"{names.place}|{NOWHERE}", names.asset
     assets = rf"{names.team}|{SOMEBODY}|{asset}(, {asset}){{0,{MOST_NAMES - 1}}}"

@@ -1,6 +1,6 @@
 """Facts of a digest on which the conditions of orders depend.
 
-The words for these facts are those in a trained planner's reading; a reason can state nothing else.
+A trained planner's reading states these facts in these words; a reason can state no other facts.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -14,7 +14,7 @@ from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _TRACKS: tuple[TrackKind, ...] = ("", "vehicle", "person")
 _PRESENCE: tuple[Fact, ...] = ("track_at", "no_track_at")
-_KNOWN: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
+_TRAITS: tuple[Fact, ...] = ("authorized", "unauthorized", "hostile")
 _COVER: tuple[Fact, ...] = ("uncovered", "covered")
 _STATE: tuple[Fact, ...] = ("low", "not_low", "down", "up")
 _SPARE: tuple[Fact, ...] = ("free", "none_free")
@@ -27,13 +27,13 @@ def is_free(asset: AssetTelemetry, sole_covers: Collection[str]) -> bool:
 
 
 def sole_covers(picture: Picture) -> dict[str, str]:
-    """Return the gates that only one asset covers, each with that asset."""
+    """Return the gates that are covered by exactly one asset, each with that asset."""
     return {gate: cover.by[0] for gate, cover in picture.gates.items() if len(cover.by) == 1}
 
 
 @dataclass(frozen=True)
 class DigestTrack:
-    """A track, from its line of the digest; `facts` are the words after the distance."""
+    """A track as described by its line of the digest; `facts` are the parts after the distance."""
 
     id: str
     kind: str
@@ -48,20 +48,20 @@ class DigestTrack:
 
     @property
     def identity(self) -> str:
-        """The identity, authorized or unauthorized; '' while it is unknown."""
+        """The identity of the track, authorized or unauthorized; '' while it is unknown."""
         return next(
             (identity for identity in ("authorized", "unauthorized") if identity in self.facts), ""
         )
 
     @property
     def intent(self) -> str:
-        """The intent: unknown, benign or hostile."""
+        """The intent of the track: unknown, benign or hostile."""
         words = (fact.partition("intent ")[2] for fact in self.facts)
         return next(filter(None, words), "unknown")
 
     @property
     def step(self) -> str:
-        """The progress of the workflow with the track, in words (WF-01)."""
+        """The progress of the workflow for the track, in words (WF-01)."""
         if "not observed" in self.facts:
             return "not observed"
         if not self.identity:
@@ -72,17 +72,17 @@ class DigestTrack:
 
     @property
     def identity_words(self) -> str:
-        """The known identity in words."""
+        """The identity in words, with the intent if the identity is known or the intent hostile."""
         if self.identity:
             return f"{self.identity}, intent {self.intent}"
         return f"not identified{', intent hostile' if self.intent == 'hostile' else ''}"
 
 
 class Facts(Protocol):
-    """The facts on which a condition can depend; None if a fact is unknown."""
+    """The facts on which a condition can depend; an unknown fact is None."""
 
     def tracks(self, gate: str) -> Sequence[Track | DigestTrack]:
-        """Return the tracks at a gate that do not leave."""
+        """Return the tracks at a gate that are not leaving."""
         ...
 
     def is_covered(self, gate: str) -> bool | None:
@@ -124,18 +124,18 @@ def holds(condition: Condition, facts: Facts) -> bool | None:
 
 
 def there(condition: Condition, facts: Facts) -> list[Track | DigestTrack]:
-    """Return the tracks that a condition concerns."""
+    """Return the tracks at the condition's gate that are of its kind."""
     here = facts.tracks(condition.subject)
     return [track for track in here if condition.track in ("", track.kind)]
 
 
 def decides(condition: Condition, track: Track | DigestTrack) -> bool:
-    """Return whether a track makes a condition about a contact true."""
+    """Return whether a track has the identity or intent that a condition requires."""
     return condition.fact in (track.identity, track.intent)
 
 
 def tracks_of_digest(lines: Iterable[str]) -> list[DigestTrack]:
-    """Return the tracks of a digest, hostile ones first, otherwise in their order."""
+    """Return the tracks of a digest, hostile ones first, otherwise in the order of the digest."""
     return sorted(_read(lines), key=lambda contact: contact.intent != "hostile")
 
 
@@ -149,7 +149,7 @@ def _read(lines: Iterable[str]) -> Iterator[DigestTrack]:
 
 
 def asset_state(digest: Digest, name: str) -> str:
-    """Return in one or two words whether an asset can be sent, as in the compact picture."""
+    """Return the state of an asset in one or two words, as in the compact picture: *low, alone*."""
     if name in digest.down:
         return "down"
     guards = name in digest.sole_cover.values()
@@ -192,7 +192,7 @@ def shown_frames(world: World, digest: Digest) -> Iterable[str]:
 def conditions(world: World, digest: Digest) -> Iterator[Condition]:
     """Yield every condition about the gates and assets in `digest`."""
     for gate in digest.covered:
-        for fact in (*_PRESENCE, *_KNOWN):
+        for fact in (*_PRESENCE, *_TRAITS):
             for kind in _TRACKS:
                 yield Condition(fact=fact, subject=gate, track=kind)
         for fact in _COVER:
@@ -207,17 +207,17 @@ def conditions(world: World, digest: Digest) -> Iterator[Condition]:
 
 @dataclass(frozen=True)
 class DigestFacts:
-    """The facts of a digest; it has no battery state for an asset that is down."""
+    """The facts of a digest; the battery state of an asset that is down is unknown."""
 
     digest: Digest
 
     def tracks(self, gate: str) -> list[DigestTrack]:
-        """Return the tracks at a gate that do not leave, hostile ones first."""
+        """Return the tracks at a gate that are not leaving, hostile ones first."""
         every = tracks_of_digest(self.digest.tracks)
         return [track for track in every if track.gate == gate and track.here]
 
     def is_covered(self, gate: str) -> bool | None:
-        """Return whether a gate has a guard; None for a place that is no gate of the digest."""
+        """Return whether a gate has a guard; None if the digest has no such gate."""
         return gate not in self.digest.uncovered if gate in self.digest.covered else None
 
     def is_low(self, asset: str) -> bool | None:
@@ -234,10 +234,10 @@ class DigestFacts:
 
 
 def evidence(condition: Condition, digest: Digest) -> str:
-    """Return the facts in the compact picture that decide the condition.
+    """Return the facts that decide the condition, in the words of the compact picture.
 
-    The facts come before the conclusion, because a small model copies a line far better than it
-    decides from memory.
+    A reading states these facts before the conclusion, because a small model is far better at
+    copying a line than at deciding from memory.
     """
     subject, facts = condition.subject, DigestFacts(digest)
     match condition.fact:
@@ -263,7 +263,7 @@ def evidence(condition: Condition, digest: Digest) -> str:
 
 
 def guard(gate: str, digest: Digest) -> str:
-    """Return the first guard at a gate, or *nobody*."""
+    """Return the first guard at a gate, or the word *nobody*."""
     sole = digest.sole_cover.get(gate)
     return sole or next(iter(standing(digest).get(gate, ())), "nobody")
 

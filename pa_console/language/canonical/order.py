@@ -1,12 +1,12 @@
-"""The asks of an operator's order, and the condition that it may have.
+"""The asks of an operator's order, and the condition that the order may have.
 
-A `Reading` consists of asks: a model's understanding of an order's words. Its names may be wrong,
-because an order can mention things that do not exist. A `Condition` has canonical and plain words;
-facts alone decide whether it is true (`facts.py`).
+A `Reading` is a model's understanding of an order's words, and consists of asks. Its names may be
+wrong, because an order can mention things that do not exist. A `Condition` can be written in
+canonical words and in plain words; only facts decide whether it is true (`facts.py`).
 
-An `Obstacle` is the reason why an ask cannot be carried out. The console uses obstacles for
-readings, and the teacher for generated orders. Whether a gate can spare its guard is not decided
-here.
+An `Obstacle` is the reason why an ask cannot be carried out. The console looks for obstacles to
+readings, the teacher for obstacles to generated orders. This module does not decide whether a gate
+can spare its guard.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -36,7 +36,7 @@ Fact = Literal[
     "free",
     "none_free",
 ]
-"""A fact that an order may depend on, as far as the picture shows it."""
+"""A fact of the picture on which an order may depend."""
 TrackKind = Literal["vehicle", "person", ""]
 
 Task = Literal[
@@ -97,16 +97,16 @@ STILL_TASKS: frozenset[Task] = frozenset(TASK_OF[verb] for verb in STILL)
 MOVING_TASKS: frozenset[Task] = frozenset(TASK_OF.values()) - STILL_TASKS
 """The tasks of single commands that may move an asset."""
 ADDRESSING_TASKS: frozenset[Task] = frozenset(TASK_OF[verb] for verb in ADDRESSING)
-"""The tasks that need a contact to be there."""
+"""The tasks that require a contact at the place."""
 
 
 class Condition(StrictModel):
-    """The condition under which the order applies."""
+    """The condition under which an order applies."""
 
     fact: Fact
-    subject: str = Field(default="", description="a gate for tracks and cover, else an asset")
+    subject: str = Field(default="", description="a gate for tracks and cover, otherwise an asset")
     track: TrackKind = ""
-    kind: AssetKind | None = Field(default=None, description="of which one is free, or none")
+    kind: AssetKind | None = Field(default=None, description="the kind that is free or not")
 
 
 class ConditionForm(NamedTuple):
@@ -162,13 +162,13 @@ def condition_slots(condition: Condition, kinds: Mapping[AssetKind, str]) -> dic
 
 @dataclass(frozen=True, slots=True)
 class Who:
-    """The assets for a task: names, or a kind and a number, or any."""
+    """The assets for a task: named assets, a number of assets of a kind, or any asset."""
 
     names: tuple[str, ...] = ()
     kind: AssetKind | None = None
     count: int | Literal["all"] = 1
     origin: str = ""
-    """The frame from which they come; '' for any."""
+    """The frame from which the assets come; '' if it may be any frame."""
 
 
 ANYBODY = Who()
@@ -189,25 +189,25 @@ class Ask:
     """The station's id of the track, if the order names it."""
     wrong: Wrong | None = None
     strict_who: bool = False
-    """True if no other assets will do; no canonical words express that."""
+    """True if no other assets may do the task; canonical words cannot express this."""
     words: str = ""
     """The clause from which the ask was read."""
 
 
 class Reading(NamedTuple):
-    """The present asks of an order as read; under a condition, the asks of the true case.
+    """The asks of an order that apply now; of a conditional order, those of the case that is true.
 
-    Parts that no order may have are read, but never carried out.
+    Parts that are not allowed in an order are read, but never carried out.
     """
 
     asks: tuple[Ask, ...]
     others_stay: bool = False
     excluded: tuple[str, ...] = ()
-    """Assets and places that the order rules out."""
+    """The assets and places that the order rules out."""
 
     @property
     def readable(self) -> bool:
-        """True if the console understands every clause."""
+        """True if every clause is in canonical words."""
         return all(ask.task != "unreadable" for ask in self.asks)
 
 
@@ -217,17 +217,17 @@ class Obstacle(NamedTuple):
     problem: Literal["closed", "no place", "no asset", "down", "low", "poor link", "wrong kind"]
     subject: str = ""
     kind: AssetKind | None = None
-    """The kind without the command, for a wrong kind."""
+    """For a wrong kind, the kind that does not have the command."""
 
 
 Find = Callable[[str], Obstacle | None]
-"""Returns the obstacle of the asset with that name."""
+"""A function that returns the obstacle of the asset with the given name, if it has one."""
 
 
 def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
-    """Return what prevents all of `ask`, or None if any part of it can be carried out.
+    """Return the obstacle to all of `ask`, or None if any part of it can be carried out.
 
-    `find` returns what prevents a named asset from doing its part.
+    `find` returns the obstacle that keeps a named asset from doing its part.
     """
     if ask.place in world.zones:
         return Obstacle("closed", ask.place)
@@ -246,7 +246,7 @@ def obstacle(ask: Ask, world: World, find: Find) -> Obstacle | None:
 
 
 def asset_obstacles(name: str, ask: Ask, world: World, picture: Picture) -> Iterator[Obstacle]:
-    """Yield every obstacle that keeps the asset `name` from its part of `ask`."""
+    """Yield every obstacle that keeps the asset `name` from doing its part of `ask`."""
     asset = picture.assets.get(name)
     if name not in world.assets:
         yield Obstacle("no asset", name)

@@ -1,10 +1,10 @@
 """Readings of orders in canonical words: parsed, compared, and written in plain words for people.
 
 A trained model's reason begins with its reading, clause by clause, in a fixed word order and with
-the names of the world (`clauses.py`), so that a small model first states what it has understood. A
-clause that is not one of these is kept as it is, without a meaning for the console. The content of
-a plan is written in the same words, so that both can be compared. Words that are not canonical are
-not changed.
+the names of the world (`clauses.py`). So even a small model first states what it has understood.
+Other clauses are kept as they are and have no meaning for the console. A plan is written in the
+same words, so that it can be compared with the reading. Words that are not canonical are not
+changed.
 """
 
 import re
@@ -61,20 +61,20 @@ _ANY = NamePatterns(
 """The patterns of all names that can be read, whether they exist or not."""
 _CLAUSES: tuple[tuple[Clause, re.Pattern[str]], ...] = tuple(
     (clause, re.compile(pattern))
-    for clause, pattern in clause_patterns(_ANY, lambda slot, what: f"(?P<{slot}>{what})")
+    for clause, pattern in clause_patterns(_ANY, lambda slot, pattern: f"(?P<{slot}>{pattern})")
 )
 _SLOTS: Mapping[str, str] = {"at": "place", "stranger": "thing"}
-"""The groups of an expression whose names differ from their slots."""
+"""The groups of an expression that are not named like their slots, each with its slot."""
 _TRACKS: Mapping[str, Literal["vehicle", "person"]] = {"vehicle": "vehicle", "person": "person"}
 _UNDER = re.compile(
     r"if [^:]+: (?P<then>[^:]+), else: (?P<otherwise>[^:]+); now: (?P<now>.+?), (?P<so>not so|so)"
     r"(; (?P<facts>.*))?"
 )
 _LIMITS = re.compile(rf"(({EXCEPT}{NAME}(, {NAME})*|{OTHERS_STAY})(; |$))*")
-"""The end of a reading: what is ruled out, and whether other assets may move."""
+"""The end of a reading: the names that are ruled out, and whether other assets may move."""
 
 MOST_NAMED = 4
-"""The most assets with one task that are named; more are only counted."""
+"""The largest number of assets with one task that are listed by name; more are only counted."""
 
 _KINDS: Mapping[AssetKind, str] = {
     "uav": "drone", "ugv": "ground vehicle", "robot": "ground robot",
@@ -97,7 +97,7 @@ _CONDITIONS = tuple(
     )
     for form in CONDITIONS.values()
 )
-"""The patterns of conditions, with their plain forms; the state of a condition is not included."""
+"""The patterns of conditions with their plain forms, both without the state of the condition."""
 
 _JOINED = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -106,15 +106,15 @@ _OPEN = ("another asset", "another one", "somebody", "somebody else")
 
 
 def read_reason(reason: str) -> Reading | None:
-    """Return the reading in `reason`; None if it does not begin with one.
+    """Return the reading at the beginning of `reason`; None if there is none.
 
-    The facts that decide come last in a longer reason, after the last semicolon.
+    If the reason has several parts, the deciding facts are in the part after the last semicolon.
     """
     return _read(reason, with_facts=True)
 
 
 def asked_words(reason: str) -> str:
-    """Return the beginning of `reason`, without the facts that decide; '' if it has no reading."""
+    """Return `reason` without the deciding facts at its end; '' if it has no reading."""
     if read_reason(reason) is None:
         return ""
     case = _UNDER.fullmatch(reason.removeprefix(ASKED))
@@ -126,14 +126,14 @@ def asked_words(reason: str) -> str:
 
 
 def read_asked(words: str) -> Reading | None:
-    """Return the reading in `words`, which contain nothing else; None if they are no reading."""
+    """Return the reading that `words` consist of; None if they are not a reading."""
     return _read(words, with_facts=False)
 
 
 def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
-    """Return the form of a lawful clause and its slots; None if it is no clause.
+    """Return the form of a lawful clause, and its slots; None if `words` are not such a clause.
 
-    The slots are those of the plain form, and those of `TEAM` if no asset is named.
+    The slots have the names of the plain form, and those of `TEAM` if no asset is named.
     """
     for clause, pattern in _CLAUSES:
         match = pattern.fullmatch(words)
@@ -143,7 +143,7 @@ def clause_of(words: str) -> tuple[Clause, Mapping[str, str]] | None:
 
 
 def _slots(match: re.Match[str]) -> Iterator[tuple[str, str]]:
-    """Yield the slots of a clause, with the same names for every form."""
+    """Yield the filled slots of a clause; a slot has the same name in every form."""
     for slot, words in match.groupdict().items():
         if words:
             yield _SLOTS.get(slot, slot), words.strip()
@@ -167,7 +167,7 @@ def _read(text: str, *, with_facts: bool) -> Reading | None:
 
 
 def parted(parts: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the clauses among the `parts` of a reading, and the limits that the order sets."""
+    """Separate the `parts` of a reading into its clauses and the limits that the order sets."""
     limits = [part for part in parts if part == OTHERS_STAY or part.startswith(EXCEPT)]
     return "; ".join(part for part in parts if part not in limits), limits
 
@@ -187,7 +187,7 @@ def _clauses(words: str) -> Iterator[Ask]:
 
 @lru_cache(maxsize=1024)
 def _ask(words: str) -> Ask:
-    """Return the ask of one clause; cached, because the same few clauses recur in a mission."""
+    """Return the ask of one clause, from a cache because a mission repeats the same few clauses."""
     wrong = _aggravated(words)
     if wrong is not None:
         return Ask(task="refused", wrong=wrong, words=words)
@@ -233,10 +233,10 @@ def _team_of(clause: Clause, slots: Mapping[str, str]) -> Who:
 
 
 def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]:
-    """Return the readings in `others` that are readable and ask now for something else than `own`.
+    """Return the readable readings in `others` that now ask for something other than `own`.
 
-    Of readings that ask for the same, only the first is returned. To send an asset to the `base` is
-    to send it home.
+    If several readings ask for the same thing, only the first is returned. Sending an asset to the
+    `base` is the same as sending it home.
     """
     seen, kept = [_asks(own, base)], list[str]()
     for reading in others:
@@ -248,16 +248,16 @@ def distinct(own: str, others: Iterable[str], base: str = "") -> tuple[str, ...]
 
 
 def agree(first: str, second: str, base: str = "") -> bool:
-    """Return whether both readings ask for the same; False if one is unreadable."""
+    """Return whether both readings ask for the same thing; False if one is unreadable."""
     compared = _comparable(read_asked(first), base)
     return compared is not None and compared == _comparable(read_asked(second), base)
 
 
 def _asks(words: str, base: str) -> Reading | None:
-    """Return the present asks, whatever their wording; None if the reading is not worth offering.
+    """Return what a reading asks for now, whatever its wording; None if it is not worth offering.
 
-    That is so if it cannot be read, if no order may have it, or if it sends an asset to its own
-    origin.
+    A reading is not worth offering if it cannot be read, if no order may ask for it, or if it sends
+    an asset to the place from which it comes.
     """
     reading = read_asked(words)
     if reading is None or not reading.readable:
@@ -282,8 +282,8 @@ def _comparable(reading: Reading | None, base: str) -> Reading | None:
 def _plainly(ask: Ask, base: str) -> Ask:
     """Return `ask` in a form that does not depend on its wording.
 
-    Which asset a gate has lost makes no difference to its cover. A track is identified by its
-    place. A part that no order may have counts as refused, whatever the reason.
+    A task to cover a gate is the same whichever asset the gate has lost. A track is identified by
+    its place. A part that is not allowed in an order is refused, whatever the reason.
     """
     leaving = "" if ask.task == "cover" else ask.leaving
     ask = replace(ask, words="", leaving=leaving, track="", track_id="", wrong=None)
@@ -305,7 +305,7 @@ def _one_by_one(ask: Ask) -> Iterator[Ask]:
 def planned(actions: Sequence[Action], world: World, *, by_name: bool) -> str:
     """Return the actions in words: "1 drone to EastGate; 1 robot home", or with names if `by_name`.
 
-    A plan in which one asset holds and nothing else happens is "hold".
+    Without names, a plan whose only action is a hold is just "hold".
     """
     if [action.verb for action in actions] == ["hold"] and not by_name:
         return "hold"
@@ -338,8 +338,8 @@ def place_words(name: str) -> str:
 def plain_reading(reading: str) -> str:
     """Return a reading of an order in plain words, without the present state of its condition.
 
-    `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` is *if EastGate has
-    no guard, send 1 drone to EastGate, otherwise do nothing*.
+    `asked: if EastGate uncovered: 1 drone to EastGate, else: nothing; now: ...` becomes *if
+    EastGate has no guard, send 1 drone to EastGate, otherwise do nothing*.
     """
     words, _, now = reading.removeprefix(ASKED).partition("; now: ")
     others = words.endswith(_STAY) or now.endswith(_STAY)
@@ -359,10 +359,10 @@ def plain_reading(reading: str) -> str:
 
 
 def says_plainly(text: str, reading: str) -> bool:
-    """Return whether `text` is the single clause of the reading `reading` in plain words.
+    """Return whether `reading` has a single clause, and `text` is that clause in plain words.
 
-    Such words have only one meaning, so no model needs to read them. The place may be left out if
-    the clause names an asset at that place.
+    Such a text has only one meaning, so no model needs to read it. The place may be left out if the
+    clause names an asset at that place.
     """
     form = clause_of(reading.removeprefix(ASKED).rstrip("; "))
     if form is None:
@@ -408,7 +408,7 @@ def _condition(words: str) -> str:
 
 
 def _plain_words(slots: Mapping[str, str]) -> dict[str, str]:
-    """Return the slots of a clause or a condition with the words of a sentence."""
+    """Return the slots of a clause or a condition in the words that a plain sentence uses."""
     plain = {**slots}
     for slot in ("kind", "massed"):
         if slot in slots:
@@ -424,6 +424,6 @@ def _plain_words(slots: Mapping[str, str]) -> dict[str, str]:
 
 
 def listed(parts: Sequence[str]) -> str:
-    """Return parts as a list in a sentence: *A, B and C*."""
+    """Return `parts` as a list within a sentence: *A, B and C*."""
     *firsts, last = parts
     return f"{', '.join(firsts)} and {last}" if firsts else last

@@ -1,4 +1,4 @@
-"""Forms of words with slots: one notation to write them, to read them, and to make expressions.
+"""Forms of words with slots, in one notation for writing words and for parsing them.
 
 `{who}` is a slot, `[ by {who}]` is optional, and `({who} relieves|relieve)` is a choice. All other
 words stand for themselves.
@@ -15,14 +15,14 @@ NO_DEFAULTS: Mapping[str, str] = {}
 
 @dataclass(frozen=True)
 class _Slot:
-    """A slot in a form, by its name."""
+    """A slot in a form, given by its name."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class _Choice:
-    """A choice between several ways; if it is `optional`, none is required."""
+    """A choice between several ways; if it is `optional`, it may be left out."""
 
     ways: "tuple[_Parts, ...]"
     optional: bool
@@ -38,7 +38,7 @@ class WordForm:
     text: str
 
     def pattern(self, slots: Mapping[str, str]) -> str:
-        """Return the regular expression of the form; `slots` has that of each slot."""
+        """Return the regular expression of the form; `slots` has the expression of each slot."""
         return _pattern(self._parts, slots)
 
     def fits(self, values: Mapping[str, str]) -> bool:
@@ -48,8 +48,9 @@ class WordForm:
     def write(self, values: Mapping[str, str], defaults: Mapping[str, str] = NO_DEFAULTS) -> str:
         """Return the form with its slots filled by name from `values`.
 
-        Of several ways, the one with the most slots in `values` is used. A required slot that is
-        missing is filled from `defaults`. Raises KeyError if it is not there either.
+        If a choice has several ways, the one with the most slots in `values` is used. A required
+        slot that is missing from `values` is filled from `defaults`. Raises KeyError if it is in
+        neither.
         """
         return _written(self._parts, values, defaults)
 
@@ -61,7 +62,7 @@ class WordForm:
 
 
 def _ways(tokens: Iterator[re.Match[str]]) -> tuple[tuple[_Parts, ...], str]:
-    """Return the ways up to a closing bracket, and that bracket; '' at the end."""
+    """Return the ways up to a closing bracket, and that bracket; '' if the form ends first."""
     ways: list[_Parts] = []
     parts: list[str | _Slot | _Choice] = []
     for token in tokens:

@@ -1,1 +1,1 @@
-"""Orders of a form of their own: standing, timed, in steps, patrols, and what changes them."""
+"""Standing orders, timed orders, orders in steps, patrols, and changes to such orders."""

@@ -1,10 +1,10 @@
-"""Words that take effect at once: changes of standing orders, and manual control of an asset.
+"""Words that take effect at once: changes to standing orders, and manual control of an asset.
 
-*Stop the west patrol*, *skip the next one* and *revoke S2* are read only if they mean an order in
-force: by its id, by words of its text, or because it is the only one. *Take over Drone_T04*, *I'll
-fly it myself* and *give it back* are read only if the whole text is about manual control of an
-asset that is named, described or marked on the screen. A text that moves an asset, such as *stop
-the drone at the west gate*, is neither.
+*Stop the west patrol*, *skip the next one* and *revoke S2* are read as changes only if they
+identify an order in force: by its id, by words of its text, or because it is the only one. *Take
+over Drone_T04*, *I'll fly it myself* and *give it back* are read only if the whole text is about
+manual control of an asset that is named, described or marked on the screen. A text that moves an
+asset, such as *stop the drone at the west gate*, is neither.
 """
 
 import re
@@ -44,7 +44,7 @@ _POINTED = frozenset(_MANUAL["pointed"])
 _ALL = frozenset(_MANUAL["all"])
 _ASSET_SLOT = "X"
 MOST_WORDS = 24
-"""The most words of a text that is read as a request for manual control."""
+"""The largest number of words in a text that is read as a request for manual control."""
 
 
 class Changeable(Protocol):
@@ -62,12 +62,12 @@ class Changeable(Protocol):
 
     @property
     def words(self) -> str:
-        """A description in words."""
+        """A description of the order."""
         ...
 
     @property
     def order(self) -> str:
-        """The order in the words that the console has read."""
+        """The order as the console has read it."""
         ...
 
 
@@ -83,14 +83,14 @@ class OrderUnderWay:
 
 @dataclass(frozen=True)
 class OrderChange:
-    """A change to standing orders, or to one under way, by their ids."""
+    """A change to standing orders, or to an order under way; `orders` are their ids."""
 
     change: Change
     orders: tuple[str, ...]
 
     @property
     def done(self) -> str:
-        """The change in words, once it is made."""
+        """The word for the change after it is made: *revoked*."""
         return _DONE[self.change]
 
 
@@ -126,12 +126,12 @@ def read_change(text: str, orders: Sequence[Changeable]) -> OrderChange | Unclea
         return None
     if len(fits) != 1:
         listed = "; ".join(f"{order.id}: {order.text}" for order in fits or orders)
-        return Unclear("", f"Which order is meant? {listed}. Say its id: {change} {orders[0].id}")
+        return Unclear("", f"Which order is meant? {listed}. Give its id: {change} {orders[0].id}")
     return OrderChange(change, (fits[0].id,))
 
 
 def _words_of(order: Changeable) -> set[str]:
-    """Return the words of an order, as given and as read."""
+    """Return the words of an order, both the operator's and the console's."""
     tokens = read_tokens(f"{order.text} {order.words} {order.order}")
     return {token.word for token in tokens} | {token.word.removesuffix("s") for token in tokens}
 
@@ -158,7 +158,7 @@ def read_manual(
     """Return the request for manual control in `text`, a question about it, or None.
 
     The `taken` assets are under manual control at this station. *It* means the asset marked on the
-    screen, or the only taken one.
+    screen, or else the only taken asset.
     """
     linked = link_names(scene.world, text)
     tokens = [token for token in read_tokens(linked) if token.word not in _MANUAL_FILLERS]
@@ -177,7 +177,7 @@ def read_manual(
 
 
 def _slots(name: str, tokens: Sequence[WordToken]) -> Iterator[Sequence[WordToken]]:
-    """Yield the tokens of the assets for every phrase of the list `name` that matches `tokens`."""
+    """Yield the tokens that stand for assets, for each phrase of the list `name` that matches."""
     words = "".join(f"{token.word} " for token in tokens)
     for pattern in _phrases(name):
         if match := pattern.fullmatch(words):
@@ -187,7 +187,7 @@ def _slots(name: str, tokens: Sequence[WordToken]) -> Iterator[Sequence[WordToke
 
 @cache
 def _phrases(name: str) -> tuple[re.Pattern[str], ...]:
-    """Return the patterns of a list: `[word]` is optional, `one|other` is a choice."""
+    """Return the patterns of a list, in which `[word]` is optional and `one|other` a choice."""
 
     def part(word: str) -> str:
         if word == _ASSET_SLOT:
@@ -223,4 +223,4 @@ def _assets(
     if len(fit) == 1:
         return fit
     many = f"{len(fit)} assets fit" if fit else "No asset fits"
-    return Unclear(phrase, f"{many} “{phrase}”. Name the asset: take over Drone_T01", fit[:9])
+    return Unclear(phrase, f"{many} “{phrase}”. Name it: take over Drone_T01", fit[:9])

@@ -43,25 +43,25 @@ _KIND_OF: Mapping[str, AssetKind] = {
     **{VERB_FOR[task]: kind for task, kind in KIND_FOR.items()},
     "watch": KIND_FOR["look"],
 }
-"""The beginnings of verbs that only one kind of asset carries out, with that kind."""
+"""The beginnings of verbs that only one kind of asset can carry out, each with that kind."""
 
 _CALL_SIGN = re.compile(r"[a-z]+_?t?\d+")
 
 
 @dataclass(frozen=True)
 class ReadSteps:
-    """The steps of an order, each in words of its own; every step waits for the one before."""
+    """The steps of an order, each in its own words; every step waits for the step before it."""
 
     steps: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class _Awaited:
-    """Words that introduce a condition: *once Robot_T01 is at the north gate*."""
+    """An event that a step waits for: *Robot_T01 is at the north gate*."""
 
     words: str
     names: tuple[str, ...]
-    """The assets that are named."""
+    """The assets that the words name."""
     place: str
     end: int
     """The token after the words."""
@@ -78,7 +78,7 @@ def read_steps(scene: ReferenceScene, text: str) -> ReadSteps | Unclear | None:
     if sum(asking) < 2:
         return None
     if cut.conditional:
-        return Unclear("", "A condition and steps in one order are not read: give one of them.")
+        return Unclear("", "An order cannot have both a condition and steps: give one of them.")
     if not all(asking):
         number = asking.index(False) + 1
         words = cut.words(parts[number - 1])
@@ -87,7 +87,7 @@ def read_steps(scene: ReferenceScene, text: str) -> ReadSteps | Unclear | None:
 
 
 def unkept_steps(scene: ReferenceScene, text: str) -> tuple[str, ...]:
-    """Return the sequence of steps in `text` in words; a single plan does not keep it."""
+    """Return the steps in `text`, in words, because a single plan does not keep their sequence."""
     steps = read_steps(scene, text)
     if steps is None:
         return ()
@@ -151,7 +151,7 @@ class _Cutter:
         return not before or before in _STOPS or before in _JOINTS or not self._now
 
     def _is_ordering(self, ahead: int) -> bool:
-        """Return whether the word `ahead` begins an order: an asset, a verb or punctuation."""
+        """Return whether the word `ahead` can begin an order, or is punctuation."""
         word = self._reader.word(ahead)
         at = self._reader.at + ahead
         if not word or word in _STOPS or word in _IMPERATIVES or word in INDEFINITE | DEFINITE:
@@ -160,7 +160,7 @@ class _Cutter:
         return named or word in KINDS or any(verb.plain for verb in find_verbs(word))
 
     def _takes_first(self) -> bool:
-        """Skip *first* before an order, and end a step after a clause that ends with it."""
+        """Read *first*: skip it before an order, or end a step after a clause that ends with it."""
         reader, start = self._reader, self._reader.at
         if self._at_clause and reader.take(*_WORDS["first_by"]):
             if reader.word().endswith("ing"):
@@ -180,9 +180,9 @@ class _Cutter:
         return True
 
     def _ends_with_first(self) -> None:
-        """Separate a clause that ends with *first* from the words after it.
+        """Make a clause that ends with *first* the earlier step.
 
-        If no words follow, the clause is separated from the words before it.
+        The later step is in the words that follow or, if none follow, in those before the clause.
         """
         reader = self._reader
         rest = [token.word for token in reader.tokens[reader.at :] if token.word not in _STOPS]
@@ -197,7 +197,7 @@ class _Cutter:
             self._now = head
 
     def _takes_next(self) -> bool:
-        """Read words that begin the next step, or that make a clause a step."""
+        """Read *then*, which begins a step, or *afterwards*, which makes the last clause a step."""
         reader, start = self._reader, self._reader.at
         word, before = reader.word(), reader.word(-1)
         at_clause = self._at_clause
@@ -268,10 +268,10 @@ class _Cutter:
                 return head, tail
         return [], self._now
 
-    # ------------------------------------------------------------------ what is waited for
+    # ------------------------------------------------------------------ awaited events
 
     def _takes_awaited(self) -> bool:
-        """Read the condition that a step waits for, before or after it."""
+        """Read the event that a step waits for, before or after the step."""
         reader, start = self._reader, self._reader.at
         for ways, anywhere in ((_AWAIT, False), (_AWAIT_AT_END, True), (_WORDS["await_not"], True)):
             if not anywhere and not self._at_clause:
@@ -289,7 +289,7 @@ class _Cutter:
         return False
 
     def _orders(self, way: str, awaited: _Awaited) -> bool:
-        """Split the steps at a condition; return False if it separates none."""
+        """Split the steps at an awaited event; return False if it separates no steps."""
         reader = self._reader
         over = reader.over or reader.word() in _ENDS
         if way in _WORDS["await_not"]:
@@ -366,7 +366,7 @@ class _Cutter:
         return _Awaited(words, tuple(names), place, reader.at)
 
     def _arrival(self) -> tuple[bool, str]:
-        """Read *is in place at the north gate*; return True for an arrival, and its place."""
+        """Read *is in place at the north gate*; return whether it is an arrival, and its place."""
         reader, arrived, place = self._reader, False, ""
         while not reader.over:
             if not place and (frame := place_at(self._scene, reader)):
@@ -386,14 +386,14 @@ class _Cutter:
         return bool(asset_at(self._scene, Reader(self._tokens, self._reader.at)))
 
     def _is_ordered(self, awaited: _Awaited, body: str) -> None:
-        """Ask about an awaited asset that no earlier step sends anywhere."""
+        """Ask about an awaited asset that no earlier step names."""
         before = {self._tokens[at].written.lower() for part in self.parts for at in part}
         if any(name.lower() not in before for name in awaited.names):
             self._ask_about(awaited, body)
 
     def _ask_about(self, awaited: _Awaited, body: str) -> None:
-        subject = " and ".join(awaited.names) or "nobody"
-        problem = f"“{awaited.words}”: nothing in the order before sends {subject} there."
+        subject = " and ".join(awaited.names) or "an asset"
+        problem = f"“{awaited.words}”: no earlier part of the order sends {subject} there."
         choices: tuple[str, ...] = ()
         if awaited.names and awaited.place and body and body != "...":
             home = awaited.place == self._scene.world.base
@@ -401,10 +401,10 @@ class _Cutter:
             choices = (f"First {subject} {way}, then {body}.",)
         self.unclear = Unclear("", f"{problem} What is to be done first?", choices)
 
-    # ------------------------------------------------------------------ what a step says
+    # ------------------------------------------------------------------ words of a step
 
     def asks(self, part: Sequence[int]) -> bool:
-        """Return whether words ask for something: they name an asset or have a verb of an order."""
+        """Return whether words ask for something: they name an asset or have a verb of orders."""
         words = self.words(part)
         step_words = {self._tokens[at].word for at in part}
         single = {word.removesuffix("s") for word in step_words}

@@ -1,7 +1,7 @@
-"""The reading of patrols: *patrol west and north twice*, *have a robot walk the gates*.
+"""A parser for patrols: *patrol west and north twice*, *have a robot walk the gates*.
 
-No model reads them. Every word must have a part in the patrol. The operator is asked about words
-that are left over, and about a patrol without an end.
+No model reads patrols. Every word must belong to the description of the patrol. The operator is
+asked about any other words, and about a patrol without an end.
 """
 
 import math
@@ -26,7 +26,7 @@ _TIMES = {"once": 1, "twice": 2, "thrice": 3}
 
 @dataclass(frozen=True)
 class PatrolLimits:
-    """The limits of patrols: the default stay at each place in seconds, and the most laps."""
+    """The limits of patrols: the default stay at each place, in seconds, and the most laps."""
 
     stay_s: float = 10.0
     most_laps: int = 10
@@ -70,7 +70,7 @@ def read_patrol(scene: ReferenceScene, text: str, limits: PatrolLimits) -> Patro
 
 
 class _Reading:
-    """The reading of one text, from its first word to its last."""
+    """A parser for one text, from its first word to its last."""
 
     def __init__(self, scene: ReferenceScene, text: str) -> None:
         self._scene = scene
@@ -195,14 +195,14 @@ class _Reading:
         return True
 
     def patrol(self, limits: PatrolLimits) -> Patrol | Unclear:
-        """Return the patrol, or the question about it."""
+        """Return the patrol, or a question about it."""
         if self._endless:
-            problem = f"“{self._endless}”: a patrol ends after a number of laps, at most"
+            problem = f"“{self._endless}”: a patrol must end after a number of laps, at most"
             return Unclear("", f"{problem} {limits.most_laps} (patrol_laps). How many?")
         if self._left:
             left = " ".join(self._left)
             problem = "Say who goes, where, how many laps, and how long at each place."
-            return Unclear("", f"“{left}” has no part in a patrol. {problem}")
+            return Unclear("", f"“{left}” is not understood in a patrol. {problem}")
         if self._laps > limits.most_laps:
             most = f"at most {limits.most_laps} laps (patrol_laps)"
             return Unclear("", f"{self._laps} laps are too many: {most}. How many?")
@@ -229,7 +229,7 @@ class _Reading:
         return tuple(places)
 
     def _angle(self, place: str) -> float:
-        """Return the direction of a place from the middle of all gates, counted from the south."""
+        """Return the direction of a place from the middle of all gates, in radians from south."""
         spots = [self._scene.spot(gate) for gate in self._scene.gates]
         x, y = (sum(coordinates) / len(spots) for coordinates in zip(*spots, strict=True))
         at = self._scene.spot(place)
@@ -237,7 +237,7 @@ class _Reading:
 
 
 def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...]:
-    """Return the places of all laps in order; with `any_order`, the nearest to `agent` first."""
+    """Return the places of all laps in order; with `any_order`, the nearest place comes first."""
     order = list(patrol.places)
     if patrol.any_order:
         order, left, here = [], list(patrol.places), agent
@@ -249,7 +249,7 @@ def legs_of(patrol: Patrol, scene: ReferenceScene, agent: str) -> tuple[str, ...
 
 
 def least_s(patrol: Patrol, scene: ReferenceScene) -> float:
-    """Return the least time of a patrol: straight ways at full speed, and stays, in seconds."""
+    """Return the shortest time of a patrol in seconds: straight legs at full speed, and stays."""
     world = scene.world
     kinds = {world.assets[patrol.asset].kind} if patrol.asset in world.assets else {patrol.kind}
     speeds = [p.speed_mps for kind, p in world.platforms.items() if kinds & {kind, None}]

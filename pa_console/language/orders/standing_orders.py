@@ -1,12 +1,12 @@
-"""The recognition of standing orders, and the reading of their parts.
+"""A parser that recognizes standing orders and reads their parts.
 
 The form is *Whenever CONDITION, ORDER*, also with *each time*, *every time*, *if ... ever ...*, or
-with the order first. In the order, *it*, *that drone*, *its gate* and *there* mean the subject of
-the condition. The operator is asked about unclear words; none are guessed.
+with the order first. In the order, *it*, *that drone*, *its gate* and *there* refer to the subject
+of the condition. The operator is asked about unclear words; none are guessed.
 
-A condition consists of a subject, among many assets, tracks or gates, and its state: *a drone at
-the east gate is below 20 %* becomes CEL. The grammar reads from left to right. One unknown word
-makes the whole condition unreadable.
+A condition consists of a subject, which is any of many assets, tracks or gates, and its state: *a
+drone at the east gate is below 20 %* becomes CEL. The grammar parses from left to right. One
+unknown word makes the whole condition unreadable.
 """
 
 import re
@@ -66,14 +66,14 @@ _OPENING = re.compile(
 )
 _IF_EVER = re.compile(r"\s*(?:please[\s,]+)?if\b(?P<before>[^,]*?)\bever\b", re.IGNORECASE)
 _TALK = re.compile(r"\b(?:i|me|my|would|were|could|might)\b", re.IGNORECASE)
-"""Words before *ever* that show talk, not a condition: *if it were up to me nothing would ever*."""
+"""Words before *ever* that mark mere talk: *if it were up to me nothing would ever*."""
 _WITHIN = re.compile(r"\b(?:whenever|each time|every time|if ever)\b", re.IGNORECASE)
 _NO_CONDITION = re.compile(
     r"\s*(?:i|i'm|i'd|we|you|he|she|they|people|it suits|possible|convenient|ready"
     r"|it(?:'s| is| gets) (?:ready|convenient|possible|free|time))\b",
     re.IGNORECASE,
 )
-"""Words after *whenever* in talk and polite phrases, which state no fact of a picture."""
+"""Words after *whenever* that mark mere talk or a polite phrase."""
 _UNASKED = re.compile(
     r",?\s*\bwithout asking(?: (?:me|us|anybody|anyone|first|again|me first))?\b", re.IGNORECASE
 )
@@ -380,13 +380,13 @@ def _gate(place: str) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a name, which contains no quotes, as a CEL string."""
+    """Return a name as a CEL string; names contain no quotes."""
     return f"'{text}'"
 
 
 @dataclass(frozen=True)
 class ReadStanding:
-    """The parts of a standing order; `order` has slots for the subject."""
+    """The parts of a standing order; `order` has slots for the subject of the condition."""
 
     condition: ReadCondition
     order: str
@@ -412,7 +412,9 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
     if parts is None:
         return None
     if not 1 <= most <= _MOST_LIMIT:
-        return Unclear("", f"How many times an hour at most? A number from 1 to {_MOST_LIMIT}.")
+        return Unclear(
+            "", f"How many times an hour at most? Give a number from 1 to {_MOST_LIMIT}."
+        )
     for condition, order in parts:
         reading = read_condition(scene, read_tokens(condition))
         if reading is not None:
@@ -422,8 +424,8 @@ def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | 
             return ReadStanding(reading, template, unasked, most)
     return Unclear(
         "",
-        "it is to hold from now on, and what it waits for is not understood. Say it as: Whenever "
-        f"CONDITION, ORDER. A condition is, for example: {'; '.join(EXAMPLES)}",
+        "the condition of this standing order is not understood. Write: Whenever CONDITION, ORDER. "
+        f"Examples of conditions: {'; '.join(EXAMPLES)}",
     )
 
 
@@ -455,7 +457,7 @@ def _first_condition(text: str) -> Iterator[tuple[str, str]]:
 def _with_slots(subject_kind: SubjectKind, order: str) -> str | Unclear:
     """Return an order with slots for the subject and its gate, or a question about it."""
     if "{" in order or "}" in order:
-        return Unclear("", "braces mean nothing in an order. What is to be done?")
+        return Unclear("", "braces have no meaning in an order. What is to be done?")
     tokens = read_tokens(order)
     text, done, at = "", 0, 0
     while at < len(tokens):
@@ -466,7 +468,7 @@ def _with_slots(subject_kind: SubjectKind, order: str) -> str | Unclear:
             done = tokens[reader.at - 1].end
         elif tokens[at].word in _STRAY:
             word = tokens[at].written
-            return Unclear("", f"What does “{word}” stand for in “{order}”? Say it anew.")
+            return Unclear("", f"What does “{word}” stand for in “{order}”? Say it in other words.")
         at = max(at + 1, reader.at)
     text = " ".join((text + order[done:]).split())
     text = text if tokens and tokens[0].written[:1].isupper() else f"{text[:1].upper()}{text[1:]}"

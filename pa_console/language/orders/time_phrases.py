@@ -38,7 +38,7 @@ _ON_THE = (("on the full hour", 0), ("on the hour", 0), ("on the half hour", 30)
 
 @dataclass
 class TimePhrases:
-    """The phrases read so far of a `text`."""
+    """The times in a `text`, from the phrases read so far."""
 
     text: str
     starts: list[tuple[str, ClockTime | datetime]] = field(
@@ -46,17 +46,17 @@ class TimePhrases:
     )
     every_s: float = 0.0
     minute: int | None = None
-    """The minute of the hour at which the moments are."""
+    """The minute of the hour at which each moment falls."""
     until: tuple[str, ClockTime] | None = None
     during_s: float = 0.0
     times: int = 0
     to_base: bool = False
-    """True if the asset goes to the base after its stay, instead of its former place."""
+    """True if the asset goes to the base after its stay, and not back to its former place."""
     day: date | None = None
     half: str = ""
-    """The half of the day in which the moments are: 'am', 'pm', or '' if it is not given."""
+    """The half of the day of all moments: 'am', 'pm', or '' if it is not given."""
     vague: str = ""
-    """Words of time that define no moment: *in a few minutes*."""
+    """Words for a time that define no moment: *in a few minutes*."""
     cut: list[tuple[int, int]] = field(default_factory=list[tuple[int, int]])
 
     @property
@@ -94,14 +94,14 @@ def read_phrases(
 
 
 def _before(tokens: tuple[WordToken, ...], at: int) -> int:
-    """Return where a phrase begins, with the joining words before it: *and then every hour*."""
+    """Return the start of a phrase, including joining words before it: *and then every hour*."""
     while at > 0 and tokens[at - 1].word in ("and", "then", ",", "but", "once"):
         at -= 1
     return tokens[at].start
 
 
 def _phrase(reader: Reader, phrases: TimePhrases, now: datetime) -> bool:
-    """Read one phrase of time here; return False if there is none."""
+    """Read one phrase of time at the cursor; return False if there is none."""
     start = reader.at
     for read in (_read_every, _read_window, _read_until, _read_start, _read_during, _read_vague):
         if read(reader, phrases, now):
@@ -113,7 +113,7 @@ def _phrase(reader: Reader, phrases: TimePhrases, now: datetime) -> bool:
 
 
 def _cut_later(tokens: tuple[WordToken, ...], phrases: TimePhrases, name: str) -> None:
-    """Read a phrase that counts only beside a time: *four times*, or *then back* at the end."""
+    """Cut out a phrase that counts only beside a time: *four times*, or *then back* at the end."""
     for at in range(len(tokens)):
         reader = Reader(tokens, at)
         if any(first <= tokens[at].start < last for first, last in phrases.cut):
@@ -132,7 +132,7 @@ def _cut_later(tokens: tuple[WordToken, ...], phrases: TimePhrases, name: str) -
 
 
 def _way_back(reader: Reader) -> set[str]:
-    """Read *and then back* or *after that it returns to base* at the end; return the words."""
+    """Read *and then back* or *after that it returns to base* at the end; return its words."""
     reader.take(",")
     if not reader.take(*TIME_WORDS["then"]):
         return set()
@@ -322,13 +322,13 @@ def _read_start(reader: Reader, phrases: TimePhrases, now: datetime) -> bool:
 
 
 def _bare_minutes(reader: Reader, *, ends: bool) -> float:
-    """Read a number of minutes, *in 5* at the end of a clause or *T+15*; return seconds."""
+    """Read a number of minutes, as in *T+15* or, at the end of a clause, *in 5*; return seconds."""
     number = read_number(reader) if reader.word().isdecimal() else -1.0
     return 60.0 * number if number > 0 and not (ends and reader.word() not in STOPS) else 0.0
 
 
 def _stands_alone(reader: Reader, now: datetime) -> str:
-    """Return "at" if a time that needs no such word comes next: *RTB 2130*, *midnite: ...*.
+    """Return "at" if a time that does not need this word is next: *RTB 2130*, *midnite: ...*.
 
     Such a time has four digits, is *16 30*, noon or midnight, and begins or ends a clause.
     """
@@ -364,6 +364,6 @@ def _words_from(phrases: TimePhrases, reader: Reader, first: int) -> str:
 
 
 def aligned(now: datetime, minute: int) -> datetime:
-    """Return the next moment at this minute of an hour."""
+    """Return the next moment that falls on this minute of an hour."""
     at = now.replace(minute=minute, second=0, microsecond=0)
     return at if at >= now else at + timedelta(hours=1)

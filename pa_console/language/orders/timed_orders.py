@@ -3,7 +3,7 @@
 Examples are *at 16:45*, *in five minutes*, *every full hour until 18:00*, and *for ten minutes and
 then back*. Times are those of the station's clock and time zone. Each phrase is cut out of the
 text, and the remaining text is read like any order. The operator is asked about a time that can
-mean two moments, and about one in the past.
+mean two moments, and about a time in the past.
 """
 
 import re
@@ -28,9 +28,9 @@ from pa_console.schema.world import World
 SHORTEST_S = 60.0
 """The shortest interval of a repeating order, in seconds, unless a setting changes it."""
 MOST_AHEAD = timedelta(days=31)
-"""The longest time ahead at which an order may begin."""
+"""The longest time from now to the beginning of an order."""
 JUST_S = 1.0
-"""The time for which a clock time that has passed still means the present moment, in seconds."""
+"""The seconds for which a clock time that has just passed still means the present moment."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def read_timed(
     answers: Mapping[str, str] = MappingProxyType({}),
     shortest_s: float = SHORTEST_S,
 ) -> ReadTimed | Unclear | None:
-    """Read an order with times: return it, a question about its times, or None if it has no times.
+    """Return the timed order in `text`, a question about its times, or None without a time.
 
     `now` is the station's local time; `answers` are the operator's earlier answers about times in
     the text.
@@ -63,13 +63,13 @@ def read_timed(
     if not order:
         return Unclear("", "What is to be done then? Only the time was given.")
     if left := _second_clock(world, order):
-        return Unclear("", f"“{left}” is one more time: give one order for each moment.")
+        return Unclear("", f"“{left}” is another time: give a separate order for each time.")
     schedule = _schedule(phrases, now, shortest_s)
     return schedule if isinstance(schedule, Unclear) else ReadTimed(schedule, order)
 
 
 def _second_clock(world: World, order: str) -> str:
-    """Return a clock time that remains in an order after its times were read; '' for none.
+    """Return a clock time that is left in an order after its times were read; '' if there is none.
 
     A duration may belong to the task: *one minute at each gate*.
     """
@@ -80,20 +80,19 @@ def _second_clock(world: World, order: str) -> str:
     return ""
 
 
-def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
+def _schedule(  # noqa: PLR0911 - one for each possible problem
     phrases: TimePhrases, now: datetime, shortest_s: float
 ) -> Schedule | Unclear:
-    """Return the schedule of the order, or the question why its times cannot be used."""
+    """Return the schedule of the order, or a question if its times cannot be used."""
     latest = phrases.until is not None and not phrases.every_s and phrases.until[0].lower()
     if latest and latest.startswith(TIME_WORDS["last_at"]):
         phrases.vague = phrases.until[0] if phrases.until else ""
     if phrases.vague:
-        return Unclear(
-            "", f"“{phrases.vague}” names no moment: at what time, or in how many minutes?"
-        )
+        question = "at what time, or in how many minutes?"
+        return Unclear("", f"“{phrases.vague}” gives no exact starting time: {question}")
     if len(phrases.starts) > 1:
         both = " and ".join(f"“{words}”" for words, _ in phrases.starts)
-        return Unclear("", f"{both} are two moments: give one order for each of them.")
+        return Unclear("", f"{both} are two times: give a separate order for each.")
     start = _first(phrases, now)
     if isinstance(start, Unclear):
         return start
@@ -107,7 +106,9 @@ def _schedule(  # noqa: PLR0911 - one line for each thing that can be wrong
     if isinstance(until, Unclear):
         return until
     if until is not None and until <= start:
-        return Unclear("", f"it would end at {until:%H:%M} before it begins at {start:%H:%M}.")
+        return Unclear(
+            "", f"the order would end at {until:%H:%M}, before it begins at {start:%H:%M}."
+        )
     if phrases.every_s:
         if until is None and phrases.during_s:
             until = start + timedelta(seconds=phrases.during_s)
@@ -139,7 +140,7 @@ def _first(phrases: TimePhrases, now: datetime) -> datetime | Unclear:
     if phrases.minute is not None:
         return aligned(now, phrases.minute)
     if phrases.day is not None and phrases.day != now.date():
-        return Unclear("", "At what time of that day? Say for example: tomorrow at 16:45.")
+        return Unclear("", "At what time of that day? Say, for example: tomorrow at 16:45.")
     return now
 
 

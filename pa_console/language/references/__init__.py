@@ -1,1 +1,1 @@
-"""References in an order that stand for names: found in the picture and in earlier orders."""
+"""References in an order, and the names that they mean in the picture or in earlier orders."""

@@ -1,6 +1,6 @@
 """Questions that are followed by an order: *Is anybody at the gate? If not, send one*.
 
-Such an order depends on the picture. It is rewritten as an order under a condition.
+Such an order depends on the picture, so it is rewritten as an order under a condition.
 """
 
 from collections.abc import Sequence
@@ -41,11 +41,11 @@ class AskedCondition:
 
     condition: Condition
     subject: str
-    """The gate or asset that *it* means in the order; the kind if the question is about one."""
+    """The gate or asset that *it* means in the order, or the kind that the question is about."""
 
 
 def conditional_order(scene: ReferenceScene, text: str) -> str:
-    """Return a question and the order after it as an order under a condition; '' for none."""
+    """Rewrite a question and the order after it as an order under a condition, or return ''."""
     asking, mark, rest = text.partition("?")
     if not mark or not rest.strip():
         return ""

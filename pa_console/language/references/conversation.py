@@ -1,7 +1,7 @@
 """The words of orders that refer to earlier orders, and the results of resolving such orders.
 
-`following_orders.py` completes whole orders, *same for north*; `pronouns.py` replaces *it* and
-*there*.
+`following_orders.py` completes whole orders, such as *same for north*; `pronouns.py` replaces *it*
+and *there*.
 """
 
 import re
@@ -37,11 +37,11 @@ _WELL = frozenset(_WORDS["well"])
 """Words that ask about the condition of an asset."""
 HOME = frozenset(_WORDS["home"])
 _SHORT = 11
-"""The most words of an order that may be incomplete."""
+"""The largest number of words in an order that may be incomplete."""
 _OWN_TASKS = frozenset(("report", "identify", "warn", "block", "look", "hold", "relieve", "swap"))
 _PUTTING = frozenset(("go", "mass", "cover", "home"))
 MOST_CORRECTING = 16
-"""The most words of a correction; a longer one is an order of its own."""
+"""The largest number of words in a correction; a longer text is an order of its own."""
 _BEGINNING = (*_CORRECTING_PHRASES, "i meant", "i mean", "not that", "not the", "rather the")
 _STILL_LEANING = frozenset(_WORDS["still_leaning"])
 _ANYONE = frozenset(("somebody", "someone", "anybody", "anyone", "anything", *CONTACTS))
@@ -63,7 +63,7 @@ class ResolvedReference:
 
     @property
     def written(self) -> str:
-        """The replacement in the order."""
+        """The words that replace the reference."""
         return self.becomes or self.means
 
 
@@ -90,7 +90,7 @@ class NameInOrder:
 
 @dataclass(frozen=True)
 class ResolvedOrder:
-    """An order after resolution: its `text`, and the references that were replaced (`meanings`).
+    """An order after resolution: its `text`, and each replaced reference with its meaning.
 
     It may take back the last order (`undoes`) or replace it (`corrects`).
     """
@@ -102,7 +102,7 @@ class ResolvedOrder:
 
 
 def substituted(text: str, references: Sequence[ResolvedReference]) -> str:
-    """Return `text` with every reference in `references` replaced; references do not overlap."""
+    """Return `text` with every reference in `references` replaced; they must not overlap."""
     parts, done = list[str](), 0
     for reference in sorted(references, key=lambda item: item.start):
         parts += [text[done : reference.start], reference.written]
@@ -113,7 +113,7 @@ def substituted(text: str, references: Sequence[ResolvedReference]) -> str:
 def corrects(text: str) -> Literal["replaces", "takes back", ""]:
     """Return whether a text corrects the previous order or takes it back; '' for any other text.
 
-    *No, the other gate* corrects it, and *never mind* takes it back; such words come first.
+    *No, the other gate* corrects it, and *never mind* takes it back; such words must come first.
     """
     words = [token.word for token in read_tokens(text) if token.word[0].isalnum()]
     sentence = f" {' '.join(words)} "
@@ -191,7 +191,7 @@ class Turn:
         return bool(before) and (before[-1] == "not" or before[-2:] in (["instead", "of"],))
 
     def has(self, *phrases: str) -> str:
-        """Return the first of `phrases` that the order contains; '' for none."""
+        """Return the first of `phrases` that the order contains; '' if it contains none."""
         return next((phrase for phrase in phrases if f" {phrase} " in self.plain), "")
 
     @property
@@ -232,7 +232,7 @@ class Turn:
 
     @property
     def there(self) -> str:
-        """The destination of the last mission; '' for several places."""
+        """The destination of the last mission; '' if there are several."""
         return self.theres[0] if len(self.theres) == 1 else ""
 
     @property

@@ -16,9 +16,9 @@ from pa_console.language.references.scene import ReferenceScene
 
 Sort = Literal["gate", "asset"]
 Trait = Callable[[ReferenceScene, str], bool]
-"""Returns whether the asset or gate of that name has the trait."""
+"""A function that returns whether the asset or gate of that name has the trait."""
 By = Literal["near", "far", "full", "flat"]
-"""The measure of a superlative: distance to a place, distance from it, or battery."""
+"""The measure of a superlative: a short or long distance, a full or flat battery."""
 _TIE: dict[By, float] = {"near": 3.0, "far": 3.0, "full": 1.0, "flat": 1.0}
 """The difference, in metres or percent, within which two members fit a superlative equally well."""
 
@@ -34,16 +34,16 @@ _MEMORY = 2
 _CLAUSE = frozenset(_WORDS["clause"])
 
 Way = Callable[[], bool]
-"""Reads one trait and returns whether there was one."""
+"""A function that reads one trait and returns whether there was one."""
 
 
 @dataclass(frozen=True)
 class Superlative:
-    """A superlative, which means the best of the fitting assets or gates by its measure."""
+    """A superlative, which selects the fitting asset or gate that is best by its measure."""
 
     by: By
     place: str = ""
-    """The origin of distances, a frame or an asset; '' if it is not given."""
+    """The frame or asset from which distances are measured; '' if it is not given."""
 
     @property
     def distance(self) -> bool:
@@ -51,7 +51,7 @@ class Superlative:
         return self.by in ("near", "far")
 
     def measure(self, scene: ReferenceScene, name: str) -> float:
-        """Return the measure of an asset or gate, in metres or percent; the smallest fits best."""
+        """Return the measure of an asset or gate, in metres or percent; the smallest is best."""
         match self.by:
             case "near":
                 return scene.distance_m(self.place, name)
@@ -67,7 +67,7 @@ class Superlative:
 class Group:
     """A set of assets or gates introduced by an order, and the members `picked` so far.
 
-    `members` are in the order of the words, which are the characters from `start` to `end`.
+    `members` are in the order of the words; the words are the characters from `start` to `end`.
     """
 
     members: tuple[str, ...]
@@ -75,13 +75,13 @@ class Group:
     start: int = 0
     end: int = 0
     leading: bool = False
-    """True if it begins a clause: *of the two robots,* is left out once a member is picked."""
+    """True if the set begins a clause: *of the two robots,* is removed when a member is picked."""
     choice: bool = False
     """True if any member will do: *Drone_T04 or Ugv_T02*, *a robot*."""
     clear: bool = True
     """False if its number does not match the picture: *the two drones*, if there are four."""
     mentioned: bool = True
-    """False for the assets that moved last and that the order does not mention."""
+    """False if the set is made of the assets that moved last, which the order does not mention."""
     picked: set[str] = field(default_factory=set[str])
     bound: bool = False
     """True if a description has picked from the set."""
@@ -89,11 +89,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Description:
-    """The characters from `start` to `end` of an order, which describe gates or assets.
+    """A description of gates or assets, in the characters from `start` to `end` of an order.
 
-    `number` is the number of assets or gates meant; 0 means all that fit. With `any_will_do`, each
-    that fits is good enough. `place` is a frame named in the words. A description without a noun
-    picks from `group`.
+    `number` is the number of assets or gates that are meant; 0 means all that fit. With
+    `any_will_do`, any one that fits may be used. `place` is a frame named in the words. A
+    description without a noun picks from `group`.
     """
 
     start: int
@@ -217,7 +217,7 @@ class PartialDescription:
 
     @property
     def only_idle(self) -> bool:
-        """True if the words only ask for an idle asset, of a team or of any."""
+        """True if the words ask only for an idle asset, of a team or of any."""
         idle_traits = [trait for trait in self.traits if trait in (is_idle, works)]
         team = len(self.traits) - len(idle_traits) <= 1
         return is_idle in idle_traits and team and self.ranking is None and not self.place
@@ -279,7 +279,10 @@ def is_bare(scene: ReferenceScene, gate: str) -> bool:
 
 
 class ReadSet(NamedTuple):
-    """A set up to the token `end`; `clear` is False if its number does not match the picture."""
+    """A set of assets or gates that ends before token `end`.
+
+    `clear` is False if the words give a number that does not match the picture.
+    """
 
     members: tuple[str, ...]
     sort: Sort
@@ -291,7 +294,7 @@ class ReadSet(NamedTuple):
 
 @dataclass
 class SentenceGroups:
-    """The sets and mentioned assets of an order, up to the token that is read.
+    """The sets and the mentioned assets in the part of an order that has been read.
 
     If the order has introduced no set, descriptions pick from the assets that the last mission
     moved, if there were several.
@@ -328,7 +331,7 @@ class SentenceGroups:
         return next(picked, None)
 
     def last_mentioned(self, team: Collection[str]) -> frozenset[str]:
-        """Return the assets of `team` mentioned last: in the order, or in the last two missions."""
+        """Return the assets of `team` mentioned last, in the order or in the last two missions."""
         past = [mission for mission in self.scene.past if not mission.undid]
         turns = [{move.agent for move in mission.moves} for mission in past[: -_MEMORY - 1 : -1]]
         mentioned = (frozenset(team) & turn for turn in (self.named, *turns))
@@ -342,7 +345,7 @@ class SentenceGroups:
     def in_order(self, word: str) -> str:
         """Return the member of the set that an ordinal means: *the former*, *the second*; or ''.
 
-        *The first* refers to the set only if *the second* or *the other* is there, too.
+        *The first* refers to the set only if the order also has *the second* or *the other*.
         """
         group = self.current
         if group is None or word not in (*_ORDINALS, "former", "latter"):
@@ -361,7 +364,7 @@ class SentenceGroups:
         return "" if alone or place >= len(group.members) else group.members[place]
 
     def introduce(self, read_set: ReadSet, first: int) -> None:
-        """Begin a set; its words are the tokens from `first` to the end of `read_set`."""
+        """Introduce a set, whose words are the tokens from `first` to the end of `read_set`."""
         leading = self.begins_clause(first) and bool(Reader(self.tokens, first).take(*OF))
         end = read_set.end
         stop, then = ([token.word for token in self.tokens[end : end + 2]] + ["", ""])[:2]

@@ -1,8 +1,8 @@
 """A grammar for definite descriptions: *the gate with only one guard*, *both robots*.
 
-A description consists of a determiner, adjectives, a noun, and clauses after it, such as its
-equipment, place, guards or distance. The grammar is written by hand and reads from left to right.
-An unknown word ends a description; it is never skipped.
+A description consists of a determiner, adjectives, a noun, and clauses about its place, guards,
+state or distance. The grammar is written by hand and parses from left to right. An unknown word
+ends a description; it is never skipped.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ from pa_console.language.references.trait_clauses import (
 
 _DEALT_WITH = frozenset(("warn", "identify", "stop", "block", "unknown", "check", "approaching"))
 _MOST = 20
-"""The largest number that is read as a count in words."""
+"""The largest number that is read as a count."""
 
 
 def find_descriptions(
@@ -83,7 +83,7 @@ def _set_at(groups: SentenceGroups, text: str, at: int) -> ReadSet | None:
 
 
 class _DescriptionParser:
-    """A parser for one description from token `at`, after the sets in `groups`."""
+    """A parser for one description that begins at token `at`; `groups` has the sets before it."""
 
     def __init__(self, groups: SentenceGroups, text: str, at: int) -> None:
         self._scene, self._groups, self._text, self._first = groups.scene, groups, text, at
@@ -94,23 +94,23 @@ class _DescriptionParser:
         self._number = 1
         self._any = self._definite = False
         self._bare = False
-        """True if there is no determiner."""
+        """True if the noun has no determiner."""
         self._vague = False
         """True if the noun is *one*, which may mean a contact as well as an asset."""
         self._nameless = False
         """True if the noun is *one* or is left out."""
         self._demonstrative = False
-        """True if its determiner is *the*, *this* or *that*."""
+        """True if the determiner is *the*, *this* or *that*."""
         self._team: frozenset[str] = frozenset()
-        """The assets of the kind or team of its noun."""
+        """The assets of the kind or team that the noun names."""
         self._every = False
-        """True if its determiner is *every*, *each of the* or similar."""
+        """True if the determiner is *every*, *each of the* or similar."""
         self._ordinal = False
-        """True for *the former* or *the second one*, which no later clause limits."""
+        """True for *the former* or *the second one*, after which no clauses are read."""
         self._other = False
-        """True if it excludes the assets or gates that were picked or mentioned before."""
+        """True if the description excludes assets or gates that were picked or mentioned before."""
         self._group: Group | None = None
-        """The set that it picks from; None if it has a noun of its own."""
+        """The set that the description picks from; None if it has a noun of its own."""
 
     def description(self) -> Description | None:
         """Return the description that begins here; None if there is none."""
@@ -173,13 +173,13 @@ class _DescriptionParser:
 
     @property
     def _selects(self) -> bool:
-        """True if it selects from names before it: *Drone_T04 or Ugv_T02, whichever is nearer*."""
+        """True for a choice between earlier names: *Drone_T04 or Ugv_T02, whichever is nearer*."""
         reader = Reader(self.reader.tokens, self._first)
         after = reader.word(-1) in (",", "-", "–", "(") and reader.word() == "whichever"
         return after and self._group is not None and self._group.choice and not self._group.leading
 
     def _mentioned_before(self) -> bool:
-        """Read *the drone* as the one mentioned in the order, or else in the last two missions.
+        """Read *the drone* as the drone mentioned in the order, or else in the last two missions.
 
         Returns False if none was mentioned, so that any drone will do.
         """
@@ -395,7 +395,7 @@ class _DescriptionParser:
         return True
 
     def _gate(self, word: str) -> bool:
-        """Read the noun *gate*; *that gate* may be the one that a contact approaches."""
+        """Read the noun *gate*; *that gate* may be the gate that a contact approaches."""
         reader, scene = self.reader, self._scene
         if self._partial.of_assets:
             return False
@@ -412,7 +412,10 @@ class _DescriptionParser:
         return True
 
     def _means_contact(self) -> bool:
-        """Return whether *vehicle* means a contact, because one is in sight or is to be met."""
+        """Return whether *vehicle* means a contact.
+
+        It does after a word such as *warn*, or if a vehicle is in sight.
+        """
         before = self.reader.word(-2) if self._definite else self.reader.word(-1)
         return before in _DEALT_WITH or bool(self._scene.visitors("vehicle"))
 
@@ -440,7 +443,7 @@ class _DescriptionParser:
     def _leave_out(self) -> None:
         """Add the trait of *the other*: not picked from its set, not named, not moved last.
 
-        If two gates were mentioned, *the other* is one of these two.
+        If the last order named exactly one other gate, *the other gate* is that gate.
         """
         partial, scene, last = self._partial, self._scene, self._scene.last
         rest = self._groups.rest
@@ -468,7 +471,7 @@ class _DescriptionParser:
     # ------------------------------------------------------------------ after the noun
 
     def _after(self) -> None:
-        """Read the clauses after the noun, as long as they are understood."""
+        """Read the clauses after the noun, up to the first that is not understood."""
         reader, partial = self.reader, self._partial
         partial.from_where()
         assets = AssetClauses(partial, self._other_noun)
@@ -486,7 +489,7 @@ class _DescriptionParser:
                 return
 
     def _other_noun(self) -> list[Trait]:
-        """Read another noun phrase here and return its traits."""
+        """Read another noun phrase at the cursor and return its traits."""
         inner = _DescriptionParser(self._groups, self._text, self.reader.at)
         traits = inner.noun_traits()
         self.reader.at = inner.reader.at

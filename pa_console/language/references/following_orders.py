@@ -1,7 +1,7 @@
 """Orders that refer to earlier orders as a whole: *bring it back*, *same for north*, *undo that*.
 
-Each is rewritten as a complete order, from the last missions and the earlier positions of the
-assets. If two readings fit, the operator is asked which one is meant.
+Each of them is rewritten as a complete order, from the last missions and the earlier positions of
+the assets. If two readings fit, the operator is asked which one is meant.
 """
 
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ class _FollowingOrder:
         return ResolvedOrder(order, ((self._turn.text.strip(), order),), undoes, corrects)
 
     def _order(self, agent: str, move: Move, place: str = "") -> str:
-        """Return the words of an order that `agent` repeats `move`, at `place` if given."""
+        """Return an order in words: `agent` repeats `move`, at `place` if it is given."""
         target = place or self._turn.target(move)
         if target == self._scene.world.base:
             return f"{agent} home"
@@ -123,7 +123,7 @@ class _FollowingOrder:
         return self._whole(_sentence(orders), undoes=True) if orders else None
 
     def _place_corrected(self) -> ResolvedOrder | None:
-        """Resolve *No, the south gate.*: the same for another place."""
+        """Resolve *No, the south gate.*: the same order for another place."""
         turn = self._turn
         places = turn.named_places
         if len(places) != 1 or turn.named_assets or not turn.corrects or turn.does:
@@ -192,7 +192,7 @@ class _FollowingOrder:
         """Resolve *done there, south next* and *on to west*: the asset sent last goes on.
 
         Every word has to name a place or belong to such phrases. A place that is only reported as
-        done is no destination.
+        done is not a destination.
         """
         turn = self._turn
         if turn.assets or not (turn.has(*_ONWARDS) or _DONE & set(turn.words)):
@@ -219,10 +219,10 @@ class _FollowingOrder:
         orders = [self._order(name, turn.moves[0], goals[0]) for name in turn.movers]
         if len({turn.target(move) for move in turn.moves}) == 1:
             return self._whole(_sentence(orders))
-        return Unclear(turn.text.strip(), f"Who goes on to {goals[0]}?", tuple(orders))
+        return Unclear(turn.text.strip(), f"Which asset goes on to {goals[0]}?", tuple(orders))
 
     def _clauses(self) -> list[list[WordToken]]:
-        """Return the words of the order between stops."""
+        """Return the clauses of the order, which are separated by punctuation."""
         clauses: list[list[WordToken]] = [[]]
         for token in self._turn.tokens:
             if token.word[0].isalnum() or token.word.startswith("'"):
@@ -250,9 +250,9 @@ class _FollowingOrder:
         return self._scene.world.assets[move.agent].kind
 
     def _nearest_free(self, team: Sequence[str], place: str) -> str:
-        """Return the free asset of `team` nearest to `place` that was not sent yet; '' for none.
+        """Return the free asset of `team` nearest to `place` that was not sent yet, or ''.
 
-        Any of them is as good as another.
+        Any such asset would do, because the operator has left the choice open.
         """
         scene = self._scene
         free = [
@@ -292,7 +292,7 @@ class _FollowingOrder:
             return self._whole(_sentence([f"{other} to {place}"]))
         every = self._scene.world.assets
         free = [n for n in every if self._scene.is_free(n) and n not in turn.movers]
-        return Unclear(more, "None of that kind is free. Who is to go?", tuple(free))
+        return Unclear(more, "No asset of that kind is free. Which one is to go?", tuple(free))
 
     def _counts(self, more: str) -> bool:
         """True if `more` counts assets: *another robot*, *one more*; not *the second floor*."""

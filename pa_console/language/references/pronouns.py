@@ -26,7 +26,7 @@ _ENCOUNTER = frozenset(_WORDS["encounter"])
 """Verbs whose object is a contact, never an asset."""
 _EXISTENTIAL = frozenset(_WORDS["existential"])
 _WEATHER = frozenset(_WORDS["weather"])
-"""Verbs and nouns that go with an *it* that is not an asset."""
+"""Verbs and nouns after an *it* that does not mean an asset."""
 
 
 class Pronouns:
@@ -47,10 +47,12 @@ class Pronouns:
             return candidates
         match = re.search(rf"\b(?:{'|'.join(IT)})\b", turn.text, re.IGNORECASE)
         pronoun = match[0] if match is not None else "it"
-        return Unclear(pronoun, f"Who is meant by “{pronoun}”?", tuple(candidates), describes=True)
+        return Unclear(
+            pronoun, f"Which asset is meant by “{pronoun}”?", tuple(candidates), describes=True
+        )
 
     def last_assets(self) -> list[str]:
-        """Return the assets of the last mission; if it moved one, also the one moved before."""
+        """Return the assets of the last mission; if it moved one, also the asset moved before."""
         turn = self._turn
         if len(turn.movers) > 1:
             return turn.movers
@@ -79,7 +81,7 @@ class Pronouns:
         return ResolvedOrder(substituted(turn.text, references), pairs)
 
     def _pronoun(self, at: int, *, within: bool) -> tuple[ResolvedReference, int] | Unclear | None:
-        """Read a pronoun; a second one `within` the order refers to the same asset."""
+        """Read a pronoun; `within` is True if a pronoun before it in the order was replaced."""
         turn = self._turn
         reader = Reader(turn.tokens, at)
         named = [mention for mention in turn.assets if mention.at < at and not mention.ruled_out]
@@ -128,8 +130,8 @@ class Pronouns:
     def _is_contact(self, at: int) -> bool:
         """Return whether the pronoun at token `at` is a possessive or means a contact.
 
-        It means a contact if one is mentioned before it and nothing is to come back, or if its verb
-        takes only contacts.
+        It means a contact if a contact is mentioned before it and nothing is to come back, or if
+        its verb is used only for contacts.
         """
         turn = self._turn
         if turn.words[at] == "her" and turn.words[at + 1 : at + 2]:
@@ -142,7 +144,7 @@ class Pronouns:
         return not back and bool(_SOMEBODY & set(turn.words[:at]))
 
     def _there_named(self, at: int, end: int) -> tuple[ResolvedReference, int] | Unclear | None:
-        """Replace a word such as *there* by its place; with several, ask which one is meant."""
+        """Replace a word such as *there* by its place; if several fit, ask which one is meant."""
         turn = self._turn
         if turn.there:
             return self._replaced(at, end, turn.there, to=True)

@@ -1,7 +1,8 @@
 """A tokenizer for orders, and a reader that parsers move along its tokens.
 
-The module also has the word lists of descriptions, and readers for the names of assets and places.
-Clitics are separate tokens: `isn't` is read as *is*, *not*, and `Drone_T01's` as the name, *'s*.
+The module also has the word lists of descriptions, and functions that read the names of assets and
+places. Clitics are separate tokens: `isn't` is read as *is*, *not*, and `Drone_T01's` as the name,
+*'s*.
 """
 
 import re
@@ -109,7 +110,7 @@ def _without_halves(tokens: Sequence[WordToken]) -> list[WordToken]:
 
 
 class Reader:
-    """A cursor over tokens; a method that finds nothing to read leaves it where it is."""
+    """A cursor over tokens; a method that finds nothing to read leaves the cursor where it is."""
 
     def __init__(self, tokens: Sequence[WordToken], at: int = 0) -> None:
         self.tokens, self.at = tokens, at
@@ -129,7 +130,7 @@ class Reader:
         return self.at >= len(self.tokens)
 
     def take(self, *ways: str) -> str:
-        """Read the first of the phrases `ways` that stands at the cursor; return it, or ''."""
+        """Read the first of the phrases `ways` that matches at the cursor; return it, or ''."""
         for way in ways:
             words = way.split()
             if all(self.word(n) == word for n, word in enumerate(words)):
@@ -146,7 +147,7 @@ class Reader:
         return ""
 
     def skip(self, words: Collection[str]) -> None:
-        """Skip all of `words` that come next."""
+        """Skip the next words while they are among `words`."""
         while self.take_in(words):
             pass
 
@@ -181,7 +182,7 @@ def asset_at(scene: ReferenceScene, reader: Reader) -> str:
 
 
 def stands_alone(scene: ReferenceScene, reader: Reader, ahead: int = 0) -> bool:
-    """Return whether the word `ahead` is no noun, but a verb, a stop, a place or the like."""
+    """Return whether no noun is `ahead`: the word is a verb, a stop, a place or the like."""
     word = reader.word(ahead)
     if not word or not word[0].isalnum() or word in BESIDE:
         return True

@@ -72,7 +72,7 @@ _IF = re.compile(r"\b(?:if|when|unless|in case|once|should|until|before)\b")
 _ORDER = frozenset(("send", "go", "move", "put", "bring", "get", "let", "have", "take", "swap"))
 
 MOST_CHOICES = 6
-"""The most choices that a question lists; with more matches it lists none."""
+"""The largest number of choices that a question lists; if there are more, it lists none."""
 _QUOTED = re.compile(r"\"[^\"]*\"|“[^”]*”")
 """Quoted words, which are not references."""
 _STAYING = frozenset(("stay", "stays", "remain", "remains", "keep", "keeps"))
@@ -82,7 +82,7 @@ _NO_MOVE = frozenset(
 )
 
 Answers = Mapping[str, str]
-"""The operator's answers about unclear words."""
+"""The operator's answers, by the unclear words that they are about."""
 
 _ANY_GATE = frozenset(("the", "a", "one", "some", "our", "my", "that", "this"))
 _TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by", "outside"))
@@ -91,7 +91,7 @@ _TOWARDS = frozenset(("to", "at", "over", "on", "towards", "toward", "near", "by
 def reported_state(text: str) -> State | None:
     """Return the state of an asset that `text` reports; None for an order or a question.
 
-    A vague request such as *sort it out* asks for nothing beyond what is due anyway.
+    A vague request such as *sort it out* does not turn a report into an order.
     """
     low = " ".join(token.word for token in read_tokens(text))
     if _IF.search(low) or "?" in _VAGUE.sub("", low).replace("does not it ?", ""):
@@ -123,7 +123,7 @@ def in_state(scene: ReferenceScene, name: str, state: State) -> bool:
 def what_is_due(scene: ReferenceScene, name: str, state: State) -> str:
     """Return the order due for the asset `name`, which is reported and known to be in `state`.
 
-    Returns '' if nothing is due beyond what the words ask for themselves.
+    Returns '' if nothing is due, or nothing beyond what the words already ask for.
     """
     gate = scene.guarded_by(name)
     alone = bool(gate) and all(guard == name for guard in scene.guards(gate))
@@ -165,9 +165,9 @@ def resolve(
 
 
 def _open_gate(scene: ReferenceScene, text: str) -> Unclear | None:
-    """Return the question which gate *the gate* means, or None if one gate is the likeliest.
+    """Ask which gate *the gate* means; return None if the question is not needed.
 
-    That is the only gate with a track, or the only gate without a guard.
+    It is not needed if a gate is marked, or if only one gate has a track or is without a guard.
     """
     gates = scene.gates
     seen = {track.gate for track in scene.picture.tracks.values()} & {*gates}
@@ -250,7 +250,8 @@ def _follows(tokens: Sequence[WordToken], phrase: Description) -> str:
 def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description) -> str:
     """Return the place that goes with a superlative: *whoever is nearest goes to X*.
 
-    It is the first place after the superlative, or else the last before it; '' if there is none.
+    It is the first place after the superlative, or else the last place before it; '' if there is
+    none.
     """
     before, after = "", ""
     at = 0
@@ -268,7 +269,7 @@ def _place_beside(scene: ReferenceScene, tokens: Sequence[WordToken], phrase: De
 def _meant_by(
     scene: ReferenceScene, tokens: Sequence[WordToken], phrase: Description, state: State | None
 ) -> tuple[str, ...] | Unclear:
-    """Return the names that a description means; none if the planner may choose."""
+    """Return the names that a description means; empty if the planner may choose."""
     asset, group = phrase.sort == "asset", phrase.group
     if group is not None and not group.clear:
         return _unclear(scene, phrase, group.members)
@@ -314,7 +315,7 @@ def _can_come(place: str) -> Trait:
 def _likelier(
     scene: ReferenceScene, names: tuple[str, ...], state: State | None
 ) -> tuple[str, ...]:
-    """Return the `names` in the reported state, or the available ones; all if none fit."""
+    """Return the `names` in the reported state, or the available ones; all names if none fit."""
     if state is not None:
         fitting_names = tuple(name for name in names if in_state(scene, name, state))
     else:
@@ -332,7 +333,7 @@ def _unclear(scene: ReferenceScene, phrase: Description, names: Sequence[str]) -
         return Unclear(phrase.words, question, choices, describes=noun == "asset")
     many = f"{len(names)} {noun}s fit" if len(names) > 1 else f"Only {names[0]} fits"
     choices = tuple(names) if len(names) <= MOST_CHOICES else ()
-    request = "Which one is meant?" if phrase.number == 1 else "Who is meant?"
+    request = "Which one is meant?" if phrase.number == 1 else "Which ones are meant?"
     question = f"{many} “{phrase.words}”. {request}"
     return Unclear(phrase.words, question, choices, describes=noun == "asset")
 
@@ -375,7 +376,7 @@ def _there_named(
     references: Sequence[ResolvedReference],
     descriptions: Sequence[Description],
 ) -> str:
-    """Replace *there* by a place that only a description names."""
+    """Replace *there* by a place that is named only in a description."""
     inside = [
         item.place for item in descriptions if item.place and item.sort == "asset" and item.ranking
     ]
@@ -404,9 +405,8 @@ def _there_named(
 def _reported(scene: ReferenceScene, text: str, state: State) -> str:
     """Return the order due for an asset whose reported state telemetry confirms.
 
-    Returns '' if no asset or several are named, or if telemetry does not confirm the report: the
-    words are then read as they stand. *One of the drones* is the one that telemetry
-    shows in that state.
+    Returns '' if no asset or several assets are named, or if telemetry does not confirm the report.
+    The words are then read as they stand. *One of the drones* means the only drone in that state.
     """
     tokens = read_tokens(text)
     names = frozenset(token.written for token in tokens if token.written in scene.world.assets)
@@ -421,7 +421,7 @@ def _reported(scene: ReferenceScene, text: str, state: State) -> str:
 def chosen(scene: ReferenceScene, answer: str, choices: Sequence[str]) -> str:
     """Return the one of `choices` that an answer means; '' if it fits none or several.
 
-    An answer is a name, a part of one (*the south one*), a number or a kind.
+    An answer is a name, a part of a name (*the south one*), a number or a kind.
     """
     if answer in choices:
         return answer

@@ -1,6 +1,6 @@
-"""The possible referents of words: the present picture and earlier orders.
+"""The things to which words can refer, in the present picture and in earlier orders.
 
-It provides every fact that a description needs: guards, free assets, distances.
+The scene provides every fact that a description needs: guards, free assets, distances.
 """
 
 import math
@@ -17,14 +17,14 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import AssetKind, World
 
 MOST_COMMANDS = 6
-"""The number of an earlier order's commands that a prompt quotes."""
+"""The largest number of commands of an earlier order that a prompt quotes."""
 
 _NOBODY: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Move:
-    """The order of one asset, and its frame `before`; '' for none."""
+    """A command to one asset; `before` is the frame where the asset was, or ''."""
 
     agent: str
     verb: Verb
@@ -34,7 +34,7 @@ class Move:
 
 @dataclass(frozen=True)
 class PastMission:
-    """A past mission: its text with resolved references, and what was ordered for it."""
+    """A past mission: its text with resolved references, and its commands."""
 
     text: str
     moves: tuple[Move, ...]
@@ -143,13 +143,13 @@ class ReferenceScene:
 
     @property
     def moved(self) -> list[Move]:
-        """The orders so far that moved an asset, the latest last, without withdrawals."""
+        """All commands so far that moved an asset, the latest last, without withdrawals."""
         done = (mission.moves for mission in self.past if not mission.undid)
         return [move for moves in done for move in moves if move.verb not in STILL]
 
     @property
     def last(self) -> PastMission | None:
-        """The last mission that moved an asset, other than a withdrawal."""
+        """The last mission that moved an asset and was not a withdrawal."""
         moving = (p for p in self.past if any(m.verb not in STILL for m in p.moves))
         return next((p for p in reversed([*moving]) if not p.undid), None)
 
@@ -190,8 +190,8 @@ def _teams(
 def after(past: Sequence[PastMission], mission: PastMission, *, corrects: bool) -> PastMission:
     """Return `mission` as it is remembered after the `past` missions.
 
-    A mission that `corrects` the last one replaces it. An asset that both missions moved keeps
-    its place from before the first. An asset that is only sent back counts as not moved.
+    A mission that `corrects` the last one replaces it. An asset that both missions moved keeps its
+    place from before the first. An asset that is only sent back does not count as moved.
     """
     last = next((earlier for earlier in reversed(past) if not earlier.undid), None)
     if not corrects or last is None:

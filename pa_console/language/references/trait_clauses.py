@@ -20,7 +20,7 @@ from pa_console.language.references.reader import Reader, asset_at, number_of, p
 from pa_console.language.references.scene import ReferenceScene
 
 NounTraits = Callable[[], list[Trait]]
-"""Reads another noun phrase and returns its traits; empty if there is none."""
+"""A function that reads another noun phrase and returns its traits; empty if there is none."""
 
 _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 
@@ -28,7 +28,7 @@ _ON_IT = ("on it", "there", "at all", "looking after it", "watching it")
 def place_of_owner(scene: ReferenceScene, reader: Reader) -> str | None:
     """Read *Drone_T01's gate*, *Drone_T01's old gate*, *the same gate as Drone_T01*.
 
-    Returns the place of the asset; None if the words are no such possessive.
+    Returns the place of the asset; None if the words are not such a possessive.
     """
     start = reader.at
     reader.take("the")

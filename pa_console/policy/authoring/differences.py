@@ -29,8 +29,8 @@ class FieldChange:
 class Change:
     """A change to one rule, one workflow or the set's own head, whose `id` is empty.
 
-    `moved` is an unchanged entry at another place among those that both sets have. For an added or
-    removed rule, `fields` has all its fields.
+    The kind `moved` is an unchanged entry that has another place among the entries of both sets.
+    For an added or removed rule, `fields` has all its fields.
     """
 
     part: Part
@@ -40,7 +40,7 @@ class Change:
 
 
 def compare_rules(before: RuleSet, after: RuleSet) -> tuple[Change, ...]:
-    """Return every difference, in the order of the files; none exactly if the hashes are equal."""
+    """Return every difference, in the order of the files; empty exactly if the hashes are equal."""
     head = tuple(_fields(plain_head(before), plain_head(after)))
     return (
         *((Change("set", "", "changed", head),) if head else ()),
@@ -112,7 +112,7 @@ def _fields(before: Plain, after: Plain) -> Iterator[FieldChange]:
 
 
 def _leaves(place: str, value: object) -> Iterator[tuple[str, object]]:
-    """Yield the values below `place`; list entries are identified by name if they have one."""
+    """Yield the values below `place`; list entries are identified by name if all have one."""
     if isinstance(value, dict) and value:
         for key, below in cast(dict[str, object], value).items():
             yield from _leaves(f"{place}.{key}", below)

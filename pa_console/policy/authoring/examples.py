@@ -1,8 +1,9 @@
-"""The examples of a rule, plans and moments that must pass or fail, and how they are run.
+"""The examples of a rule: plans and moments that must pass or fail, and how they are run.
 
 They refer to a small checkpoint, `WORLD`. All assets stand at their posts, fully charged;
 every gate is covered by exactly one asset; no track is known. Frames are the corners of a cross,
 50 m from the checkpoint.
+
 Each entry of `moments` lists the changes since the previous moment. The first entry changes an
 uneventful moment at the example checkpoint: every gate covered, no tracks, no orders.
 
@@ -12,15 +13,15 @@ covered  whether gates are covered, e.g. {SouthGate: false}
 up       whether the plan's assets are available, e.g. {Robot_T01: false}
 orders   all orders under way, e.g. [[Ugv_T02, block WestGate], [Drone_T04, hold, done]]
 
-A track with no fact but its gate is unknown, approaching, unobserved and unwarned.
+If only the gate of a track is given, the track is unknown, approaching, unobserved and unwarned.
 
 `given` lists the differences of the situation from the example checkpoint:
 
 assets    facts of assets before the plan, e.g. {Drone_T03: {status: failed}}
 tracks    tracks before the plan, e.g. {V1: {gate: WestGate, identity: unknown}}
 gates     cover before the plan, if it does not follow from the assets
-after     facts of the picture after the plan, in place of those that the plan would lead to
-timeline  facts of the rehearsal, in place of those of an uneventful one
+after     facts of the picture after the plan, if they do not follow from the plan
+timeline  facts of the rehearsal, if they differ from those of an uneventful rehearsal
 sightings earlier detections, e.g. [{track: V1, place: Depot, noncombatants: true, age_s: 40}];
           for a track that is still known, its present facts are used instead
 """
@@ -97,7 +98,7 @@ WORLD = World(
 )
 
 _UNKNOWN_ASSET = AssetSpec(kind="uav", post="Checkpoint")
-"""The specification of an asset that only an example has."""
+"""The specification of an asset that exists only in an example."""
 
 CHANGES = ("at", "tracks", "covered", "up", "orders")
 STEP_S = 1.0
@@ -118,7 +119,7 @@ def situation(given: Values, world: World = WORLD) -> Values:
     """Return the picture of the `given` assets, tracks and gates as plain values.
 
     `available`, `low_battery` and the cover of each gate follow from the assets unless `given` has
-    them; a track needs only its gate.
+    them. A track needs only its gate.
     """
     picture: Values = {"tick": 0, "time_s": 100.0, "assets": {}, "tracks": {}, "gates": {}}
     assets: Values = given.get("assets", {})
@@ -145,7 +146,7 @@ def covers(picture: Values, world: World) -> Values:
 
 
 def carried_out(before: Values, plan: Plan, world: World) -> Values:
-    """Return the picture after all possible actions of the plan."""
+    """Return the picture after all actions of the plan that are possible."""
     after = copy.deepcopy(before)
     after["time_s"] += DURATION_S
     for action in plan.actions:
@@ -248,7 +249,7 @@ def _outcome(action: Action, before: Values, world: World) -> Values:
 
 
 def run_moments(entry: CompiledRule, example: RuleExample) -> Finding:
-    """Return the finding of the orderings of `entry` over the moments and end of `example`.
+    """Return the finding of the orderings of `entry` for the moments of `example` and their end.
 
     Raises the errors of `example_moments`.
     """

@@ -1,7 +1,7 @@
 """Lint of a rule set that can be loaded: gaps, repetitions, disagreements.
 
-Unknown names in a check are found by parsing. Rules that are hard to retrieve are found by
-paraphrases from the retrieval vocabulary, so that the method works for any rule.
+Unknown names in a check are found by parsing the check. Rules that are hard to retrieve are found
+with paraphrases from the retrieval vocabulary, so that the method works for any rule.
 """
 
 import re
@@ -33,31 +33,31 @@ _PART = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 _LOOKED_UP = re.compile(r"\b(gates|assets)\s*\[\s*['\"](\w+)['\"]\s*\]")
 
 _GENERAL = re.compile(r"(?i)\bassets?\b")
-"""A text with this word refers to kinds that it does not name."""
+"""The word by which a text refers to kinds of assets without naming them."""
 
 FOUND_AMONG = 3
 """The number of rules retrieved for a mission in addition to the pinned ones (paper, Step 3)."""
 
 FEWEST = 0.5
-"""The smallest share of a rule's paraphrases that must retrieve it."""
+"""The least share of a rule's paraphrases that must retrieve the rule."""
 NEAR = 88.0
-"""The similarity in percent, regardless of word order, from which texts are near-duplicates."""
+"""The least similarity of near-duplicates, in percent, whatever the order of their words."""
 
 CONFLICTS_OF = 10
-"""The number of drawn states for each situation that is searched for a contradiction."""
+"""The number of drawn states for each situation that is searched for contradictions."""
 
 
 class NameLint:
-    """Compares names in rules with those of a world; `NorthGate` may be "the north gate"."""
+    """A comparison of names in rules with those of a world; `NorthGate` may be "the north gate"."""
 
     def __init__(self, world: World) -> None:
         self._world = world.name
-        self._known = {"gates": tuple(world.gates), "assets": tuple(world.assets)}
-        self._named = {name: _spelling(name) for names in self._known.values() for name in names}
+        self._in_world = {"gates": tuple(world.gates), "assets": tuple(world.assets)}
+        self._named = {name: _spelling(name) for names in self._in_world.values() for name in names}
         self._kinds = tuple(world.platforms)
 
     def named(self, rules: Iterable[Rule]) -> frozenset[str]:
-        """Return the assets and gates named in texts or expressions of `rules`."""
+        """Return the assets and gates that are named in texts or expressions of `rules`."""
         whole = "\n".join(f"{rule.text}\n{_expressions(rule)}" for rule in rules)
         return frozenset(name for name, spelling in self._named.items() if spelling.search(whole))
 
@@ -68,23 +68,25 @@ class NameLint:
             return
         field = "check" if rule.check is not None else "order"
         for kind, name in sorted(set(_LOOKED_UP.findall(code))):
-            if name not in self._known[kind]:
-                names = ", ".join(self._known[kind])
-                problem = f"it looks up {name!r} among the {kind} of {self._world!r}: not there"
+            if name not in self._in_world[kind]:
+                names = ", ".join(self._in_world[kind])
+                problem = f"it looks up {name!r}, but {self._world!r} has no such name in {kind}"
                 yield Doubt(
-                    rule, field, "unknown name", problem, f"name one of {names}, or go through all"
+                    rule, field, "unknown name", problem, f"use one of {names}, or a loop over all"
                 )
         mentioned = {name for name, spelling in self._named.items() if spelling.search(rule.text)}
         coded = {name for name in self._named if re.search(rf"\b{re.escape(name)}\b", code)}
         if mentioned != coded:
             problem = f"the text names {_list(mentioned)}, the check {_list(coded)}"
-            yield Doubt(rule, field, "text and check disagree", problem, "name the same in both")
+            yield Doubt(
+                rule, field, "text and check disagree", problem, "use the same names in both"
+            )
         kinds = {kind for kind in self._kinds if re.search(rf"(?i)\b{kind}s?\b", rule.text)}
         coded_kinds = {kind for kind in self._kinds if re.search(rf"['\"]{kind}['\"]", code)}
         if kinds and coded_kinds and not kinds & coded_kinds and not _GENERAL.search(rule.text):
             problem = f"the text is about {_list(kinds)}, the check about {_list(coded_kinds)}"
             yield Doubt(
-                rule, field, "text and check disagree", problem, "speak of the same kind in both"
+                rule, field, "text and check disagree", problem, "use the same kind in both"
             )
 
 
@@ -96,7 +98,7 @@ def _spelling(name: str) -> Pattern[str]:
 
 
 def _expressions(rule: Rule) -> str:
-    """Return all CEL of `rule`."""
+    """Return all CEL expressions of `rule`."""
     parts = [rule.applies, rule.check]
     for order in rule.order:
         parts += [order.event, order.other]
@@ -108,16 +110,16 @@ def _list(names: set[str]) -> str:
 
 
 class Paraphraser:
-    """Paraphrases rules; equal rules give equal paraphrases."""
+    """A paraphraser of rules; equal rules get equal paraphrases."""
 
     def __init__(self) -> None:
         """Take synonyms from the installed vocabulary."""
-        known = default_vocabulary()
-        self._groups = Groups.of(known)
-        self._members = tuple(known.groups.values())
+        vocabulary = default_vocabulary()
+        self._groups = Groups.of(vocabulary)
+        self._members = tuple(vocabulary.groups.values())
 
     def paraphrases(self, rule: Rule) -> dict[str, str]:
-        """Return paraphrases of `rule` by how they were made.
+        """Return paraphrases of `rule`, by the way in which they were made.
 
         They are its words in reverse, parts of its words, its words with half of them replaced by
         synonyms, its tags, and the missions of its examples.
@@ -128,9 +130,9 @@ class Paraphraser:
             "word order": words[::-1],
             "first half left out": words[len(words) // 2 :],
             "every second word": words[::2],
-            "every other second word": words[1::2],
+            "the other words": words[1::2],
             "synonyms for every second word": _mixed(words, other, 0),
-            "synonyms for every other second word": _mixed(words, other, 1),
+            "synonyms for the other words": _mixed(words, other, 1),
             "tags": words_of(" ".join(rule.tags)),
         }
         made = {name: " ".join(parts) for name, parts in texts.items() if parts}
@@ -148,10 +150,11 @@ class Paraphraser:
 
 
 def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
-    """Yield rules that are among the first FOUND_AMONG for less than FEWEST of their paraphrases.
+    """Yield the rules for which the share of paraphrases that retrieve them is below FEWEST.
 
-    Critical rules are never hard to retrieve, because the models always see them. Rules that are
-    not shown to models are left out, and so are rules that not even their own text retrieves.
+    A rule is retrieved if it is among the first FOUND_AMONG. Critical rules are left out, because
+    the models always see them, and so are rules that the models never see or that not even their
+    own text retrieves.
     """
     made = Paraphraser()
     retriever = Retriever(rules)
@@ -164,10 +167,8 @@ def hard_to_retrieve(rules: Sequence[Rule]) -> Iterator[Doubt]:
         lost = [name for name, text in texts.items() if not _finds(retriever, text, rule)]
         retrieved = len(texts) - len(lost)
         if retrieved < FEWEST * len(texts):
-            problem = (
-                f"only {retrieved} of {len(texts)} paraphrases find it, not: {', '.join(lost[:3])}"
-                f"{f' and {len(lost) - 3} more' if len(lost) > 3 else ''}"
-            )
+            others = f"{', '.join(lost[:3])}{f' and {len(lost) - 3} more' if len(lost) > 3 else ''}"
+            problem = f"{retrieved} of {len(texts)} paraphrases find it; these do not: {others}"
             remedy = "give it tags that operators use, or words of its own"
             yield Doubt(rule, "text", "hard to retrieve", problem, remedy)
 
@@ -177,7 +178,7 @@ def _finds(retriever: Retriever, text: str, rule: Rule) -> bool:
 
 
 def _mixed(words: Sequence[str], other: Sequence[str], odd: int) -> list[str]:
-    """Return `words` with every second one taken from `other`."""
+    """Return `words` with every second word taken from `other`."""
     return [
         b if number % 2 == odd else a
         for number, (a, b) in enumerate(zip(words, other, strict=True))
@@ -197,7 +198,8 @@ _SEVERITY: Mapping[str, Severity] = {
 class LintFinding:
     """A doubt about a rule: its line, the problem and the remedy; `line` is 1-based.
 
-    An error keeps the rule from doing its job; a warning may do so; a note is no fault by itself.
+    An error keeps the rule from doing its job; a warning may do so; a note is not a fault in
+    itself.
     """
 
     rule: str
@@ -225,14 +227,14 @@ class SearchDoubts:
         """The extent of the search, in words."""
         return (
             f"{self.states} states ({self.examples} of examples), {self.situations} situations "
-            f"with {self.plans} plans, in a small world after {self.world!r}, seed {self.seed}"
+            f"with {self.plans} plans, in a small copy of {self.world!r}, seed {self.seed}"
         )
 
 
 def lint_rules(document: Document, rule_set: RuleSet, world: World) -> list[LintFinding]:
     """Return every doubt about `rule_set`, read from `document`, sorted by line.
 
-    `world` has the names of assets and gates. Nothing is run but the retriever.
+    `world` has the names of assets and gates. Only the retriever is run.
     """
     names = NameLint(world)
     return _placed(
@@ -255,10 +257,10 @@ def search_rules(  # noqa: PLR0917 - a rule set, its world and the search
     seed: int = 0,
     step: Callable[[], None] = lambda: None,
 ) -> SearchDoubts:
-    """Run the rules in the states of their examples, and in `states` more states drawn by `seed`.
+    """Return the doubts from a search of the examples' states and `states` drawn states.
 
-    Then paraphrase the rules. `step` is called `search_steps` times. Raises ExpressionError for a
-    rule that does not compile.
+    Equal values of `seed` draw equal states. The rules are also paraphrased. `step` is called as
+    many times as `search_steps` returns. Raises ExpressionError for a rule that does not compile.
     """
     rules = rule_set.rules
     small = small_world(world, NameLint(world).named(rules))
@@ -285,7 +287,7 @@ def search_rules(  # noqa: PLR0917 - a rule set, its world and the search
 
 
 def search_steps(rule_set: RuleSet, states: int) -> int:
-    """Return the number of calls of `step` by `search_rules`, for a progress bar."""
+    """Return the number of times that `search_rules` calls `step`, for a progress bar."""
     return len(list(example_states(rule_set.rules))) + states + states // CONFLICTS_OF
 
 
@@ -322,31 +324,31 @@ def _examples(rule: Rule) -> Iterator[Doubt]:
 
 
 def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
-    """Yield repetitions between two rules, at the second of them."""
+    """Yield the repetitions between two rules, as doubts about the second one."""
     for first, second in combinations(rules, 2):
         likeness = _likeness(first.text, second.text)
         if likeness == 100.0:
-            remedy = "take one of them out"
-            yield Doubt(second, "text", "duplicate", f"its text is that of {first.id}", remedy)
+            remedy = "remove one of them"
+            yield Doubt(second, "text", "duplicate", f"its text equals that of {first.id}", remedy)
         elif likeness >= NEAR:
-            problem = f"its text is {likeness:.0f} % that of {first.id}"
-            remedy = "join them, or say how they differ"
+            problem = f"its text is {likeness:.0f} % the same as that of {first.id}"
+            remedy = "merge them, or show how they differ"
             yield Doubt(second, "text", "near-duplicate", problem, remedy)
         for name, part in _PARTS:
             if part(first) and part(first) == part(second):
-                problem = f"it decides the same as {first.id}"
-                remedy = "take one out, or narrow its guard"
+                problem = f"it decides exactly as {first.id} does"
+                remedy = "remove one, or narrow its guard"
                 yield Doubt(second, name, "same check", problem, remedy)
 
 
 def _hard_to_find(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
-    """Yield the rules that are not retrieved for a mission in their own words."""
+    """Yield the rules that are not retrieved for a mission with their own text."""
     retriever = Retriever(rules)
     for rule in (rule for rule in rules if rule.in_prompts):
         hits = [hit.rule_id for hit in retriever.retrieve(rule.text, FOUND_AMONG)]
         if rule.id not in hits:
             others = ", ".join(hits[-FOUND_AMONG:])
-            problem = f"its own text finds {others} before it"
+            problem = f"its own text retrieves {others} before it"
             remedy = "give it tags, or words of its own"
             yield Doubt(rule, "text", "hard to retrieve", problem, remedy)
 

@@ -1,4 +1,4 @@
-"""Lint by searching states: rules that never apply, decide nothing, or contradict each other."""
+"""Lint by a search of states: rules that never apply, decide nothing, or contradict each other."""
 
 import random
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -25,10 +25,10 @@ SEEN = 3
 """The number of states in which a rule must be broken before it is reported as shadowed."""
 
 SINGLE = 48
-"""The number of single orders that are tried, drawn from all."""
+"""The number of single orders that are tried in a situation."""
 
 SEVERAL = 96
-"""The number of plans with two to MOST orders that are drawn in addition."""
+"""The number of plans with two to MOST orders that are tried after the single orders."""
 
 MOST = 4
 
@@ -77,7 +77,7 @@ def checkable(rules: Iterable[Rule]) -> tuple[CompiledRule, ...]:
 def search_states(
     rules: Iterable[Rule], states: Iterable[SearchState], step: Callable[[], None] = lambda: None
 ) -> Search:
-    """Return the decision of every check in each of `states`; `step` is called after each."""
+    """Return the decision of every check in each of `states`; `step` is called after each state."""
     book = Rulebook("searched", "", checkable(rules))
     search = Search(rules={rule.id: SearchedRule() for rule in book.rules})
     for state in states:
@@ -111,18 +111,18 @@ def never_applicable(rules: Iterable[Rule], search: Search) -> Iterator[Doubt]:
             continue
         if seen.failed:
             problem = f"it cannot decide in any of {search.states} states: {seen.problem}"
-            yield Doubt(rule, "check", "cannot decide", problem, "mend the expression")
+            yield Doubt(rule, "check", "cannot decide", problem, "correct the expression")
         else:
-            problem = f"its guard holds in none of {search.states} states that were searched"
-            remedy = "mend the guard, or add an example in which it applies"
+            problem = f"its guard holds in none of the {search.states} searched states"
+            remedy = "correct the guard, or add an example in which the rule applies"
             yield Doubt(rule, "applies", "never applicable", problem, remedy)
 
 
 def shadowed(rules: tuple[Rule, ...], search: Search) -> Iterator[Doubt]:
     """Yield each rule that is only broken in states where a rule at least as strict is broken too.
 
-    If two rules are always broken together, the later one is reported. Rules with the same
-    expressions are not reported, because a reader sees that.
+    If two rules are always broken together, the later rule is reported. Rules with the same
+    expressions are not reported here, because `lint_rules` reports them.
     """
     for place, rule in enumerate(rules):
         seen = search.rules.get(rule.id)
@@ -138,9 +138,9 @@ def shadowed(rules: tuple[Rule, ...], search: Search) -> Iterator[Doubt]:
             if seen.broken & ~by.broken or (same and other_place > place):
                 continue
             count = seen.broken.bit_count()
-            also = "the two always together" if same else f"{other.id} in others too"
+            also = "both always are" if same else f"{other.id} also in others"
             problem = f"whenever it is broken ({count} states), so is {other.id}; {also}"
-            remedy = "take it out, narrow the other, or keep it for its own message"
+            remedy = "remove it, narrow the other, or keep it for its message"
             yield Doubt(rule, "check", "shadowed", problem, remedy)
             break
 
@@ -153,7 +153,7 @@ Broken = frozenset[str]
 
 
 class Conflicts:
-    """Searches for situations in which every plan breaks a rule that cannot be overridden."""
+    """A search for situations in which every plan breaks a rule that cannot be overridden."""
 
     def __init__(self, rules: Sequence[Rule], world: World, seed: int) -> None:
         """Select the Critical and High checks that a plan can satisfy."""
@@ -162,10 +162,10 @@ class Conflicts:
         self._world, self._dice = world, random.Random(seed)
         self._mission = mission_of("Secure the checkpoint.")
         self.situations = self.plans = 0
-        """The number of situations searched."""
+        """The numbers of situations and plans that were searched."""
 
     def doubts(self, count: int, step: Callable[[], None] = lambda: None) -> Iterator[Doubt]:
-        """Search up to `count` situations, the ordinary one first; `step` is called after each."""
+        """Search up to `count` situations, the ordinary one first; call `step` after each."""
         reported: set[tuple[str, ...]] = set()
         hard = 0
         for number in range(count):
@@ -206,7 +206,7 @@ class Conflicts:
     def _together(
         self, situation: LintSituation, orders: Sequence[Action]
     ) -> Iterator[tuple[Action, ...]]:
-        """Yield plans with the same one or two orders for every place with a track."""
+        """Yield plans with the same one or two commands for every place with a track."""
         places = dict.fromkeys(str(facts["gate"]) for facts in situation.tracks.values())
         verbs = sorted({order.verb for order in orders if order.target is not None})
         for allowed in (*((verb,) for verb in verbs), *combinations(verbs, 2)):
@@ -253,16 +253,14 @@ class Conflicts:
 
     def _doubt(self, rules: tuple[str, ...], situation: LintSituation, plans: int) -> Doubt:
         last = next(entry.rule for entry in reversed(self._book.compiled) if entry.rule.id in rules)
-        where = f"none of {plans} plans, holding among them, where: {situation.words}"
+        where = f"none of {plans} plans, not even a hold, in this situation: {situation.words}"
         if len(rules) == 1:
             problem = f"it is satisfied by {where}"
-            remedy = "let its guard leave out what no plan can mend"
+            remedy = "let its guard leave out situations that no plan can resolve"
             return Doubt(last, "check", "unsatisfiable", problem, remedy)
         others = " and ".join(name for name in rules if name != last.id)
-        problem = f"together with {others} it is satisfied by {where}"
-        return Doubt(
-            last, "check", "contradiction", problem, "let one of them give way in its guard"
-        )
+        problem = f"together with {others}, it is satisfied by {where}"
+        return Doubt(last, "check", "contradiction", problem, "narrow the guard of one of them")
 
 
 def _fewest(book: Rulebook, broken: Sequence[Broken]) -> tuple[str, ...]:

@@ -73,7 +73,7 @@ _TRACK_COURSE: tuple[tuple[str, tuple[object, ...]], ...] = (
 def small_world(world: World, named: Collection[str]) -> World:
     """Return `world` with few gates, posts and assets; the `named` ones are kept first.
 
-    An asset whose post is removed stands at the first frame that is kept.
+    An asset whose post is removed gets the first gate that is kept as its post.
     """
     base = [world.base]
     posts = [name for name, frame in world.frames.items() if frame.kind == "post"]
@@ -181,7 +181,7 @@ def drawn_states(
 
 
 def draw_situation(world: World, dice: random.Random) -> LintSituation:
-    """Draw the unusual facts: some assets, and up to MOST_TRACKS tracks."""
+    """Draw a situation: unusual facts of some assets, and up to MOST_TRACKS tracks."""
     situation = LintSituation()
     for name in world.assets:
         if dice.random() < 0.25:

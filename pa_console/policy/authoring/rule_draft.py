@@ -1,4 +1,4 @@
-"""A rule while it is written: parsed, compiled, its examples run; problems have a position."""
+"""The check of a rule that is being written: parsing, compiling, examples and problems."""
 
 import re
 from collections.abc import Collection
@@ -20,7 +20,7 @@ _STATUS = {"complies": "pass", "violates": "fail"}
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem of a draft: the field, with line and column from 1, or 0 if unknown."""
+    """A problem in a draft; `line` and `column` count from 1, and are 0 if they are unknown."""
 
     line: int
     column: int
@@ -59,7 +59,7 @@ class RuleDraft:
 
     @property
     def wrong(self) -> tuple[ExampleResult, ...]:
-        """The examples without their expected result."""
+        """The examples that do not have their expected result."""
         return tuple(result for result in self.examples if not result.right)
 
 
@@ -94,7 +94,7 @@ def _run(rule: Rule, example: RuleExample) -> ExampleResult:
 
 
 def _refuse_unknown(document: Document) -> None:
-    """Report an unknown field before a missing one: it may be the missing field, misspelled."""
+    """Report an unknown field first, because it may be a missing field, misspelled."""
     fields = cast(Plain, document.value) if isinstance(document.value, dict) else {}
     for key in fields:
         if key not in Rule.model_fields:
@@ -107,7 +107,7 @@ def _document_problem(error: DocumentError) -> Problem:
 
 
 def _place(document: Document, text: str, error: ExpressionError) -> tuple[int, int]:
-    """Return line and column in `text` of a compile error, or the line of its field and 0.
+    """Return the line and column of a compile error in `text`; an unknown column is 0.
 
     The position within a folded or quoted text of several lines is not known.
     """
@@ -132,7 +132,7 @@ def _place(document: Document, text: str, error: ExpressionError) -> tuple[int, 
 
 
 def _inside(problem: str, source: str) -> tuple[int, int] | None:
-    """Return line and column, from 1, of a problem within the expression `source`."""
+    """Return line and column, from 1, of a problem in the expression `source`; None if unknown."""
     if (match := _CEL_PLACE.search(problem)) is not None:
         return int(match[1]), int(match[2])
     unknown = _UNKNOWN.match(problem)
@@ -144,7 +144,7 @@ def _inside(problem: str, source: str) -> tuple[int, int] | None:
 
 
 def _without_place(problem: str) -> str:
-    """Return the problem without its position in the expression; the text's position is shown."""
+    """Return the problem without its position in the expression; the draft's is shown instead."""
     return re.sub(r": line \d+, column \d+: ", ": ", problem, count=1)
 
 

@@ -1,6 +1,7 @@
-"""Opening one rule of a file and saving it completely or not at all, without lost edits.
+"""Opening one rule of a file, and saving it completely or not at all.
 
-The file is changed as text: one rule is replaced, added or removed; the rest stays as it is.
+A change that was made to the file meanwhile is not lost. The file is changed as text: one rule is
+replaced, added or removed, and the rest stays as it is.
 """
 
 import hashlib
@@ -22,21 +23,21 @@ _FORM = """\
 id: {id}
 domain: {domain}
 priority: high
-text: "What must or must not be, in one sentence."
+text: "What must happen or must not happen, in one sentence."
 tags: []
 # A guard: the check is made only where it holds. Leave it out to check every plan.
 applies: "size(actions) > 0"
-# What must hold: true, or an empty list of offenders, which are put after the message.
+# The check holds if it is true or an empty list; a list names the offenders for the message.
 check: |-
   actions
     .filter(a, a.verb == 'move_to' && a.goes_to == 'Nowhere')
     .map(a, a.agent)
-message: "what is wrong, of these"
+message: "these agents break the rule"
 examples:
-  - name: keeps to it
+  - name: complies
     expect: pass
     plan: [[Drone_T04, observe WestGate]]
-  - name: breaks it
+  - name: violates it
     expect: fail
     plan: [[Drone_T04, move_to Nowhere]]
 """
@@ -46,8 +47,8 @@ examples:
 class _Block:
     """The lines of one rule, as offsets into the file's text.
 
-    `start` is the beginning of the comments directly above it, `dash` the line of its dash, `body`
-    its first key, and `end` the end of its last line, including its own comments.
+    `start` is the beginning of the comments directly above the rule, `dash` the line of its dash,
+    `body` its first key, and `end` the end of its last line, including comments of its own.
     """
 
     id: str
@@ -63,13 +64,12 @@ class RuleText:
     def __init__(self, source: str, text: str) -> None:
         """Split `text`, the content of the file `source`.
 
-        Raises DocumentError if it is not YAML, or if its rules are not a list with one rule below
-        the other.
+        Raises DocumentError if it is not YAML, or if its rules are not listed one below the other.
         """
         self.source, self.text = source, text
         self._newline = "\r\n" if "\r\n" in text else "\n"
         if "\r" in text.replace("\r\n", ""):
-            raise self._error(0, "its lines end with CR alone; end them with LF to edit rules here")
+            raise self._error(0, "its lines end with CR only; use LF line ends to edit rules here")
         listed = self._listed()
         self._column = listed.start_mark.column
         self._blocks: list[_Block] = []
@@ -148,11 +148,11 @@ class RuleText:
             raise self._error(1, "expected a list of rules under 'rules:'")
         if node.flow_style:
             where = node.start_mark.line + 1
-            raise self._error(where, "the rules stand in [ ]; write one below the other, with '- '")
+            raise self._error(where, "the rules are in [ ]; write them one below the other")
         return node
 
     def _block(self, node: yaml.Node) -> _Block:
-        """Return the position of the rule `node`; the blocks before it are known."""
+        """Return the position of the rule `node`; the rules before it must have been read."""
         body = node.start_mark.index
         dash = self._line_start(body)
         while self.text[dash : dash + self._column].strip(" ") or (
@@ -160,7 +160,7 @@ class RuleText:
         ):
             if dash == 0:
                 where = node.start_mark.line + 1
-                raise self._error(where, "where this rule begins cannot be told; edit the file")
+                raise self._error(where, "the start of this rule was not found; edit the file")
             dash = self._line_start(dash - 1)
         floor = self._blocks[-1].end if self._blocks else 0
         start = dash
@@ -228,7 +228,7 @@ class RuleText:
 
 
 def _ends(node: yaml.Node) -> Iterator[int]:
-    """Yield the end of every value within `node`; the end of a block collection is not exact."""
+    """Yield the ends of all values in `node` except block collections, whose ends are not exact."""
     if isinstance(node, yaml.ScalarNode) or (
         isinstance(node, yaml.CollectionNode) and node.flow_style
     ):
@@ -261,11 +261,11 @@ def _outdented(text: str, indent: int) -> str:
 
 
 class RulesChangedError(ValueError):
-    """A change of the file since the rule was opened; with `same_rule`, also of the rule."""
+    """A file that has changed since the rule was opened; with `same_rule`, so has the rule."""
 
     def __init__(self, path: Path, *, same_rule: bool) -> None:
-        what = "and so was this rule" if same_rule else "but not this rule"
-        super().__init__(f"{path}: the file was changed meanwhile, {what}")
+        rule_state = "and so has this rule" if same_rule else "but not this rule"
+        super().__init__(f"{path}: the file has changed in the meantime, {rule_state}")
         self.same_rule = same_rule
 
 
@@ -288,7 +288,7 @@ class OpenRule:
 def open_rule(path: Path, rule_id: str) -> OpenRule:
     """Open a rule of the file; raises DocumentError if the file or the rule cannot be read."""
     content, cut = _read(path)
-    _known(cut, rule_id)
+    _refuse_missing(cut, rule_id)
     text = cut.rule(rule_id)
     with suppress(DocumentError):
         if Document(str(path), text).value is not None:
@@ -313,7 +313,7 @@ def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
 
     Everything else in the file stays the same, byte for byte. Raises RulesChangedError if the file
     was changed since it was opened, unless `anyway` is set: then only this rule is replaced in the
-    present file. Raises DocumentError if the set would be invalid or the rule is gone, and OSError
+    changed file. Raises DocumentError if the set would be invalid or the rule is gone, and OSError
     if the file cannot be written; in both cases nothing is changed.
     """
 
@@ -324,7 +324,10 @@ def save_rule(opened: OpenRule, text: str, *, anyway: bool = False) -> OpenRule:
 
 
 def remove_rule(opened: OpenRule, *, anyway: bool = False) -> OpenRule:
-    """Remove the opened rule as save_rule replaces it; raises ValueError for the only rule."""
+    """Remove the opened rule from the file.
+
+    Raises ValueError for the only rule, and otherwise the errors of `save_rule`.
+    """
     return _replace(opened, lambda cut: cut.remove(opened.id), anyway=anyway)
 
 
@@ -335,7 +338,7 @@ def _replace(opened: OpenRule, change: Callable[[RuleText], str], *, anyway: boo
         same = opened.id not in cut.ids or cut.rule(opened.id) != opened.text
         raise RulesChangedError(path, same_rule=bool(opened.id) and same)
     if opened.id:
-        _known(cut, opened.id)
+        _refuse_missing(cut, opened.id)
     new = change(cut)
     checked = _checked(path, cut, new, opened.id)
     written = new.encode()
@@ -363,7 +366,7 @@ def _checked(path: Path, before: RuleText, new: str, rule_id: str) -> str:
     touched = {rule_id, *added}
     for other in compare_rules(old, rule_set):
         if other.part != "rule" or other.id not in touched:
-            problem = f"this would change {other.id or 'the head'} of the file too; not saved"
+            problem = f"this would also change {other.id or 'the head'} in the file; not saved"
             raise DocumentError(str(path), 0, rule_id, problem)
     if len(added) > 1:
         raise DocumentError(str(path), 0, rule_id, f"one rule at a time: {', '.join(added)}")
@@ -384,9 +387,9 @@ def _read(path: Path) -> tuple[bytes, RuleText]:
     return content, RuleText(str(path), content.decode())
 
 
-def _known(cut: RuleText, rule_id: str) -> None:
+def _refuse_missing(cut: RuleText, rule_id: str) -> None:
     if rule_id not in cut.ids:
-        raise DocumentError(cut.source, 0, rule_id, "the file has no such rule any more")
+        raise DocumentError(cut.source, 0, rule_id, "the file no longer has this rule")
 
 
 def _others(cut: RuleText, rule_id: str) -> tuple[str, ...]:

@@ -1,7 +1,8 @@
 """Time limits of expressions: one for each expression, and one for a group of them.
 
-Time is the thread's processor time, not elapsed time, so that a busy machine breaks no rule.
-Garbage collection is off meanwhile: in a long session it takes longer than a check may.
+Time is the thread's processor time, not elapsed time, so that no rule counts as broken because the
+machine is busy. Garbage collection is off while an expression runs, because in a long session it
+takes longer than a check may.
 """
 
 import gc
@@ -14,12 +15,12 @@ DEADLINE_S = 0.010
 """The default time limit of one expression, in seconds; the settings can change it."""
 
 USUAL_SIZE = 200
-"""The number of assets, tracks and gates up to which the limit holds; above, it grows in
+"""The number of assets, tracks and gates up to which the limit holds; for more of them, it grows in
 proportion."""
 
 ROUNDS_A_LOOK = 8
-"""Rounds of a loop between two readings of the clock, because a reading takes longer than a round.
-"""
+"""The number of rounds of a loop between two readings of the clock, because a reading takes longer
+than a round."""
 
 
 class DeadlineError(Exception):
@@ -43,8 +44,8 @@ _running = _Running()
 def shared_deadline(seconds: float, size: int = 0) -> Generator[None]:
     """Limit all expressions that this thread evaluates in the block to `seconds` in total.
 
-    The expressions concern about `size` assets, tracks and gates. Above USUAL_SIZE, all limits grow
-    in proportion. An enclosing block with a larger size sets the scale.
+    `size` is the approximate number of assets, tracks and gates in the variables. Above USUAL_SIZE,
+    all limits grow in proportion. An enclosing block with a larger size sets the scale.
     """
     outer = _running.group_end_s, _running.scale
     _running.scale = max(1.0, size / USUAL_SIZE, outer[1])
@@ -66,7 +67,7 @@ def deadline(seconds: float) -> Generator[None]:
     seconds *= _running.scale
     group_end_s = _running.group_end_s
     if group_end_s is not None and now >= group_end_s:
-        raise DeadlineError("no time is left: the checks before it took too long")
+        raise DeadlineError("no time is left: earlier checks took too long")
     end_s = now + seconds
     _running.end_s = end_s if group_end_s is None else min(end_s, group_end_s)
     _running.overdue, _running.rounds = False, 0
@@ -122,5 +123,5 @@ def unmeasured() -> Generator[None]:
 
 
 def give_up() -> None:
-    """Mark the running expression as overdue, whatever it may still yield."""
+    """Mark the running expression as overdue, even if it still returns a value."""
     _running.overdue = True

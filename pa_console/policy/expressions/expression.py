@@ -1,9 +1,9 @@
 """CEL expressions of rules: compiled once, and checked for names that do not exist.
 
-The time of a regular expression grows with the text and is bounded. RE2 searches where it can: its
-time is linear in the text, whatever the pattern. It handles only ASCII letters, so other texts, and
-patterns with lookahead or lookbehind, are searched by a backtracking engine that stops at the
-check's deadline. A pattern means the same to both engines.
+The time of a search with a regular expression is bounded. RE2 searches ASCII texts, in a time that
+is linear in the text for every pattern. Other texts, and patterns with lookahead or lookbehind, are
+searched by a backtracking engine that stops at the check's deadline. A pattern means the same to
+both engines.
 """
 
 import logging
@@ -47,10 +47,10 @@ _re2: Any = import_module("re2")
 T = TypeVar("T")
 MAX_PATTERN = 16_384
 MAX_PROGRAM = 12_000
-"""The limit on the steps of a pattern in RE2; in the worst case, each step goes through the text
-once."""
+"""The largest number of steps of a pattern in RE2; in the worst case, each step goes through the
+text once."""
 MAX_TEXT = 10_000
-"""The limit on the characters of a text that can be searched; a mission has at most 2,000."""
+"""The largest length of a text that can be searched, in characters; a mission has at most 2,000."""
 
 _ESCAPED_OR_CLASS = re.compile(r"\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\]|\s+|#[^\n]*")
 _LOOKS = re.compile(r"(\\(?s:.)|\[\^?\]?(?:\\(?s:.)|[^\]\\])*\])|\(\?<?[=!]")
@@ -86,7 +86,7 @@ class Pattern:
         except (re.error, RecursionError, OverflowError) as error:
             raise ValueError(f"not a regular expression: {error}") from error
         plain = _without_layout(source)
-        looking = _LOOKS.sub(lambda found: found[1] or "(?:", plain)
+        looking = _LOOKS.sub(lambda match: match[1] or "(?:", plain)
         linear = _linear(looking)
         self._linear = linear if looking == plain else None
         self._source = source
@@ -122,7 +122,7 @@ class Pattern:
 
 @lru_cache(maxsize=1024)
 def compiled_pattern(source: str) -> Pattern:
-    """Return the pattern `source`, compiled once; raises ValueError."""
+    """Return the pattern `source`, compiled once; raises ValueError if it is not supported."""
     return Pattern(source)
 
 
@@ -147,9 +147,12 @@ def _linear(source: str) -> Any:
 
 
 def _left(text: str) -> float | None:
-    """Return the seconds left for a search of `text`; raises if the search may not begin."""
+    """Return the seconds left for a search of `text`; None without a limit.
+
+    Raises ValueError if the text is too long, and DeadlineError if no time is left.
+    """
     if len(text) > MAX_TEXT:
-        raise ValueError(f"a text of {len(text):,} characters is not searched")
+        raise ValueError(f"a text of {len(text):,} characters is too long to search")
     left = left_s()
     if left == 0.0:
         raise DeadlineError("no time is left for a pattern")
@@ -159,10 +162,10 @@ def _left(text: str) -> float | None:
 def _in_time(search: Callable[[float | None], T], left: float | None) -> T:
     """Return the result of `search` within `left` seconds; raises DeadlineError if it takes longer.
 
-    The engine counts the processor time of all threads. A search that it stopped before this
-    thread's own time was used up is repeated. The search keeps the interpreter's lock: releasing it
-    means acquiring it again every few steps, which beside a busy thread takes a hundred times as
-    long as the search.
+    The engine counts the processor time of all threads, so a search that it stopped before this
+    thread's own time was used up is repeated. The search keeps the interpreter's lock. If it
+    released the lock, it would have to acquire it again every few steps; if another thread is busy,
+    this takes a hundred times as long as the search.
     """
     while True:
         try:
@@ -226,7 +229,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 
 class Expression:
-    """A compiled CEL expression; `variables` are the allowed ones that it reads."""
+    """A compiled CEL expression; `variables` are the allowed variables that it reads."""
 
     def __init__(
         self, source: str, allowed: frozenset[str] = PLAN_VARIABLES, deadline_s: float = DEADLINE_S
@@ -246,15 +249,15 @@ class Expression:
         named = set(references["variables"])
         unknown = sorted(named - text.bound - allowed)
         if unknown:
-            known = ", ".join(sorted(allowed))
-            raise ValueError(f"unknown name {unknown[0]!r}; an expression may use {known}")
+            names = ", ".join(sorted(allowed))
+            raise ValueError(f"unknown name {unknown[0]!r}; an expression may use {names}")
         functions = {name for name in references["functions"] if name.isidentifier()}
         missing = sorted(functions - STANDARD_FUNCTIONS - FUNCTIONS.keys())
         if missing:
-            known = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys() - {GOING_ON}))
-            raise ValueError(f"unknown function {missing[0]!r}; known: {known}")
+            names = ", ".join(sorted(STANDARD_FUNCTIONS | FUNCTIONS.keys() - {GOING_ON}))
+            raise ValueError(f"unknown function {missing[0]!r}; known: {names}")
         if GOING_ON in source:
-            raise ValueError(f"{GOING_ON!r} is not for rules to use")
+            raise ValueError(f"a rule may not use {GOING_ON!r}")
         self.variables: frozenset[str] = allowed & named
         self.size = text.size
         """The number of tokens in the expression."""
@@ -262,12 +265,12 @@ class Expression:
         self._read: tuple[Shapes, Fields] | None = None
 
     def prepare(self) -> None:
-        """Compile the patterns for texts that RE2 cannot search."""
+        """Compile the patterns for the texts that RE2 cannot search."""
         for pattern in self._patterns:
             pattern.prepare()
 
     def reads(self, shapes: Shapes) -> Fields:
-        """Return the fields of its variables, described by `shapes`, that it can notice.
+        """Return the fields that the expression can notice of its variables, described by `shapes`.
 
         The result is cached for the same `shapes`.
         """
@@ -303,7 +306,7 @@ def _no_panic() -> Generator[None]:
     except BaseException as error:
         if type(error).__name__ != "PanicException":
             raise
-        raise ValueError(f"the expression language broke down: {error}") from None
+        raise ValueError(f"the expression library failed: {error}") from None
 
 
 def _compiled(source: str, text: Source) -> cel.Program:

@@ -1,11 +1,11 @@
-"""The fields that an expression reads of its variables; no others are converted.
+"""The fields that an expression reads of its variables; no other fields are converted.
 
 Converting a value for CEL takes longer than deciding most rules, and a loop copies each element
 with all its content. So a record is passed without the fields that the expression cannot notice. An
-expression notices a field if it names the field. It notices all fields of a record if it does
-anything with the record other than select a field, take it as an element of a loop, or compare it
-with null: if it compares it with another record, counts or looks up its keys, selects a field by a
-computed name, or yields it. If nothing is known for certain, everything counts as read.
+expression notices a field if it names the field. It notices all fields of a record if it compares
+the record with another one, counts or looks up its keys, selects a field by a computed name, or
+yields the record. Other fields go unnoticed if it only selects a field, takes the record as an
+element of a loop, or compares it with null. In case of doubt, all fields count as read.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pa_console.policy.expressions.syntax import LOOPS, ExpressionToken
 
 Fields = Mapping[str, "Fields | None"]
-"""Fields by name, each with the fields read of it; None means all. For a list or map, they are the
-fields of its elements."""
+"""Fields by name, each with those of its own fields that are read; None means all. For a list or
+map, they are the fields of its elements."""
 
 _LEVELS = (("||",), ("&&",), ("<", "<=", ">", ">=", "==", "!=", "in"), ("+", "-"), ("*", "/", "%"))
 """Operators with two operands, lowest precedence first."""
@@ -65,7 +65,7 @@ def united(parts: Iterable[Fields]) -> Fields:
 
 
 def within(fields: Fields | None, name: str) -> Fields | None:
-    """Return the fields read of the field `name`, which is one of `fields`."""
+    """Return the fields that are read of the field `name`, which is one of `fields`."""
     return None if fields is None else fields[name]
 
 
@@ -75,7 +75,7 @@ def names_of(fields: Fields | None, every: Iterable[str]) -> Iterable[str]:
 
 
 def fields_read(tokens: Sequence[ExpressionToken], shapes: Shapes) -> Fields:
-    """Return the fields that the expression `tokens` reads of the variables in `shapes`.
+    """Return the fields of the variables in `shapes` that the expression `tokens` reads.
 
     Raises NotUnderstoodError if they cannot be determined; the expression may still be valid CEL.
     """
@@ -118,7 +118,7 @@ class _ReadValue:
 
 
 _Value = _ReadValue | None
-"""The record behind a value; None for a plain value, or for one that is read as a whole."""
+"""The record or list behind a value; None for a plain value or a value that is read as a whole."""
 
 
 def _whole(*values: _Value) -> None:
@@ -130,7 +130,7 @@ def _whole(*values: _Value) -> None:
 
 
 def _count(value: _Value) -> None:
-    """Mark `value` as counted or iterated over; for a record, this reads every field."""
+    """Mark `value` as counted or iterated over; every field of a record is then read."""
     if value is not None and value.element is None:
         _whole(value)
 
@@ -140,7 +140,7 @@ _NULL = _ReadValue(None)
 
 
 class _FieldReader:
-    """Parses CEL with its precedence rules and traces the values, without building a tree.
+    """A parser of CEL, with its precedence rules, that traces the values without building a tree.
 
     `named` are the variables in the expression. The limit on nested brackets also limits the depth
     of recursion.

@@ -1,10 +1,10 @@
-"""Requests that no mission may make, in words that are in no list of violent verbs.
+"""Requests that no mission may make, in words that no list of violent verbs contains.
 
 Rules call these functions in addition to their own patterns, which are literal and in English. This
 module covers other languages, euphemisms and idioms (`forbidden_words.yaml`). All functions read
-plain words (`plain_text.py`). A negation before a phrase reverses its meaning, unless it rules out
-restraint: *do not refrain from opening fire*. Some requests will not be detected. Even then, no
-command for force exists, and the other checks run whatever a mission says.
+plain words (`plain_text.py`). A negation before a phrase reverses its meaning, unless the phrase is
+about restraint: *do not refrain from opening fire*. Some requests will not be detected. Even then,
+no command for force exists, and the other checks run whatever a mission says.
 """
 
 import re
@@ -21,7 +21,8 @@ from pa_console.policy.expressions.deadlines import unmeasured
 def forbidden_patterns() -> Mapping[str, re.Pattern[str]]:
     """Return the patterns of the file, with the names of parts replaced by the parts.
 
-    They are compiled on first use, in 50 ms, which do not count towards the check's time limit.
+    They are compiled on first use. This takes 50 ms, which do not count towards the check's time
+    limit.
     """
     with unmeasured():
         text = Path(__file__).with_suffix(".yaml").read_text(encoding="utf-8")

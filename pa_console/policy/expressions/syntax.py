@@ -1,8 +1,8 @@
 """The text of a CEL expression: its tokens, its limits, and loops that observe a time limit.
 
 The parser is recursive, and a running expression cannot be stopped from outside. So an expression
-that is too large, too deep, or whose values could grow too large is refused before it is parsed,
-and every loop checks at each round whether there is time left.
+is refused before it is parsed if it is too large or too deep, or if its values could grow too
+large, and every loop checks at each round whether time is left.
 """
 
 import re
@@ -18,9 +18,10 @@ MAX_NESTING = 24
 MAXLOOPS = 4
 """The limit on nested loops; the shipped rules nest at most three."""
 MAX_VALUE = 1_000_000
-"""The limit on characters or elements of a value that an expression could build."""
+"""The largest value that an expression may be able to build, in characters or elements."""
 INPUT_SIZE = 2_000
-"""Characters or elements of an input value; a mission has at most 2,000 characters."""
+"""The assumed size of an input value, in characters or elements; a mission has at most 2,000
+characters."""
 
 GOING_ON = "__going_on"
 """The function that a loop calls at each round to check the time left."""
@@ -29,7 +30,7 @@ Kind = Literal["space", "text", "number", "name", "sign"]
 
 LOOPS = {"all": "false", "exists": "true", "exists_one": "false", "existsOne": "false",
           "filter": "false", "map": "null"}  # fmt: skip
-"""The macros that loop, and the result of a round without time left, which ends the loop."""
+"""The macros that loop, each with the result of a round that ends the loop when no time is left."""
 _PATTERNED = ("finds", "without", "matches")
 _OPEN, _CLOSE = "([{", ")]}"
 _TOKEN = re.compile(
@@ -51,7 +52,7 @@ _BEFORE_VALUE = frozenset(("(", "[", "{", ",", ":", "?", "&&", "||", "!", "+", "
 
 @dataclass(frozen=True)
 class ExpressionToken:
-    """A piece of the source; `close` is the place of the bracket that closes this one."""
+    """A token of the source; `close` is the place of the bracket that closes an opening one."""
 
     kind: Kind
     text: str
@@ -107,7 +108,7 @@ class Source:
             *_, (first, last) = self._arguments(opening)
             if first != last or self._tokens[first].kind != "text":
                 raise ValueError(
-                    f"the pattern of {token.text}() must be written out as one text in quotes"
+                    f"the pattern of {token.text}() must be written out as one quoted text"
                 )
             yield str(cel.evaluate(self._tokens[first].text))
 
@@ -155,7 +156,7 @@ class Source:
                 continue
             (name, name_end), (first, last) = arguments[:2]
             if name != name_end or self._tokens[name].kind != "name":
-                raise ValueError(f"{token.text}() needs a plain name for what it goes through")
+                raise ValueError(f"{token.text}() needs a plain name as its loop variable")
             if last < first:
                 raise ValueError(f"not valid CEL: an argument of {token.text}() is missing")
             kind = "filter" if len(arguments) == 3 else token.text
@@ -172,8 +173,8 @@ class Source:
     def _refuse_growth(self) -> None:
         """Refuse an expression that could build a huge value, since loops can build on each other.
 
-        A value grows by `+`, and by being named several times in a list or map. Between two loops
-        it can grow by at most a factor of 1 + the number of those operators and names there.
+        A value grows by `+`, and if it is named several times in a list or map. Between two loops,
+        it can grow at most by a factor of 1 plus the number of such operators and names.
         """
         signs = [0] * (len(self._loops) + 1)
         within: list[tuple[int, int]] = []
@@ -228,9 +229,9 @@ def _tokens(text: str) -> list[ExpressionToken]:
 
 
 def _matched(tokens: list[ExpressionToken]) -> tuple[list[ExpressionToken], str]:
-    """Return the tokens; each opening bracket has the place of its closing one.
+    """Return the tokens, in which each opening bracket has the place of its closing one.
 
-    If brackets do not match, there are no tokens, only a description of the problem.
+    If brackets do not match, the result has no tokens and a description of the problem.
     """
     matched = list(tokens)
     waiting: list[int] = []
