@@ -89,10 +89,11 @@ class Attempt:
         return _unpacked(stored) if isinstance(stored, bytes) else stored
 
     def pack(self) -> None:
-        """Compress the rehearsal, which takes most of the memory of a finished mission."""
+        """Reduce the memory of a finished mission: compress the rehearsal, share equal findings."""
         if isinstance(self.stored_rehearsal, Rehearsal):
             text = self.stored_rehearsal.model_dump_json()
             self.stored_rehearsal = zlib.compress(text.encode())
+        self.findings = tuple(map(_shared, self.findings))
 
     @property
     def sure(self) -> float | None:
@@ -128,6 +129,12 @@ class Attempt:
         judged += ", as the second reader read it" * self.as_read_again
         served = f", by {self.server}" if self.server else ""
         return served + given + judged + ", as the operator meant it" * self.as_chosen
+
+
+@lru_cache(maxsize=1024)
+def _shared(finding: Finding) -> Finding:
+    """Return the same object for equal findings."""
+    return finding
 
 
 @lru_cache(maxsize=16)
