@@ -36,9 +36,10 @@ def install_hint(extra: str) -> str:
 
 
 def missing_library(module: str, extra: str, what: str) -> str:
-    """Return the command that installs `module` with its `extra`; '' if it is installed.
+    """Return a sentence with the command that installs `module`; '' if it is installed.
 
-    `what` begins the sentence, such as `alerts need`. The module is not imported.
+    The command installs `extra`; `what` begins the sentence, such as `alerts need`. The module is
+    not imported.
     """
     return "" if find_spec(module) else _not_installed(module, extra, what)
 
@@ -57,11 +58,11 @@ def _not_installed(module: str | None, extra: str, what: str) -> str:
 
 
 def find_data(kind: str, name: str, file: str) -> Path:
-    """Return the path of `name`, a user's path or the name of an installed item.
+    """Return the path that `name` means: a path of the user, or the name of an installed item.
 
     `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. If `name` is an
-    existing file, that file is returned; if it is an existing folder, `file` in it. The returned
-    path may not exist: opening it raises an error that names it.
+    existing file, its path is returned; if it is a folder that contains `file`, the path of that
+    file. The returned path may not exist; opening it then raises an error that names it.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -82,8 +83,8 @@ def existing_data(kind: str, name: str, file: str) -> Path:
     if path.exists():
         return path
     folder = data_folder() / kind
-    found = {one.parent.name for one in folder.glob(f"*/{file}")}
-    known = ", ".join(sorted(found | {one.stem for one in folder.glob("*.yaml")}))
+    folders = {path.parent.name for path in folder.glob(f"*/{file}")}
+    names = ", ".join(sorted(folders | {path.stem for path in folder.glob("*.yaml")}))
     raise DocumentError(
-        name, 0, "", f"No such file, and nothing installed has this name; installed: {known}"
+        name, 0, "", f"No such file, and nothing installed has this name; installed: {names}"
     )
