@@ -51,7 +51,7 @@ from pa_console.views.trace_layout import step_name
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 ASKED_BACK = 5
-"""The exit code of a mission that ended with a question and its choices."""
+"""The exit code of a mission that ended with a question to the operator."""
 
 
 def run_mission(
@@ -66,10 +66,11 @@ def run_mission(
     choose: int = 0,
     json: bool,
 ) -> None:
-    """Run the missions of the verb, with `setup` as YAML; raises typer.Exit with the exit code.
+    """Run the missions of the verb; raises typer.Exit with the exit code.
 
-    Without a `standing` instruction, the user at the terminal decides on the plan. If the order
-    leads to a question, the choice with the number `choose` is taken, unless it is 0.
+    `setup` has the incidents before the missions, as YAML. Without a `standing` instruction, the
+    user at the terminal decides on the plan. If the order leads to a question, the choice with the
+    number `choose` is taken, unless that is 0.
     """
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, --scenario NAME, or both")
@@ -161,7 +162,7 @@ def _print_end(
 
 
 def _is_asked_back(trace: MissionTrace) -> bool:
-    """Return whether the mission ended with a question that nobody at a terminal has answered."""
+    """Return whether the mission ended with a question that no person was there to answer."""
     if trace.status not in ("held", "rejected"):
         return False
     made = trace.decision
@@ -170,7 +171,7 @@ def _is_asked_back(trace: MissionTrace) -> bool:
 
 
 def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approver:
-    """Return an approver that first takes the choice, or the reading, with that number."""
+    """Return an approver that answers the first question with the choice or reading `number`."""
     taken = False
 
     def decide(request: ApprovalRequested) -> Decision | Awaitable[Decision]:
@@ -201,7 +202,7 @@ def read_event(number: int, text: str) -> Incident:
 
 
 class _Progress:
-    """The progress on stderr: each step and, on a terminal, the present wait with its duration.
+    """Progress on stderr: each step and, on a terminal, what is being waited for and for how long.
 
     A session that cannot be logged is ended.
     """
@@ -265,7 +266,7 @@ class _Progress:
     async def ask(self, request: ApprovalRequested) -> Decision:
         """Return the operator's decision on the terminal; the progress line is hidden meanwhile.
 
-        If the operator asks a question, it is answered first, and then the decision is requested
+        If the operator asks a question, the question is answered, and the decision is requested
         again.
         """
         self._status.stop()
