@@ -1,4 +1,4 @@
-"""The pages of the manual, Markdown files in the package, and a search over them."""
+"""The pages of the manual, which are Markdown files in the package, and a search in them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Files that only their owner can use, mode 0600 in folders of mode 0700, and folder checks."""
+"""Files and folders that only their owner can use (modes 0600 and 0700), and checks of folders."""
 
 import errno
 import os
@@ -68,7 +68,7 @@ def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
 
 
 def mode_of(path: Path) -> int:
-    """Return the mode of `path`; that of a private file if `path` is missing; raises OSError."""
+    """Return the mode of `path`, or FILE_MODE if there is no such file; raises OSError."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:

@@ -35,26 +35,26 @@ def install_hint(extra: str) -> str:
     return f"pip install 'pa-console[{extra}]'"
 
 
-def missing_library(module: str, extra: str, what: str) -> str:
+def missing_library(module: str, extra: str, need: str) -> str:
     """Return a sentence with the command that installs `module`; '' if it is installed.
 
-    The command installs `extra`; `what` begins the sentence, such as `alerts need`. The module is
+    The command installs `extra`; `need` begins the sentence, such as `alerts need`. The module is
     not imported.
     """
-    return "" if find_spec(module) else _not_installed(module, extra, what)
+    return "" if find_spec(module) else _not_installed(module, extra, need)
 
 
 @contextmanager
-def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
+def naming_what_is_missing(extra: str, need: str = "this needs") -> Generator[None]:
     """Raise ValueError with the `extra` to install if an import in the block fails."""
     try:
         yield
     except ModuleNotFoundError as error:
-        raise ValueError(_not_installed(error.name, extra, what)) from error
+        raise ValueError(_not_installed(error.name, extra, need)) from error
 
 
-def _not_installed(module: str | None, extra: str, what: str) -> str:
-    return f"{what} a library that is not installed ({module}): {install_hint(extra)}"
+def _not_installed(module: str | None, extra: str, need: str) -> str:
+    return f"{need} a library that is not installed ({module}): {install_hint(extra)}"
 
 
 def find_data(kind: str, name: str, file: str) -> Path:

@@ -1,4 +1,4 @@
-"""Ed25519 signatures: this machine's key, made on first use, verification, and signed lines."""
+"""Ed25519 signatures: this machine's key (made on first use), verification, and signed lines."""
 
 import base64
 import hashlib
@@ -81,7 +81,7 @@ class SignedLine(StrictModel):
 
     @classmethod
     def parse(cls, content: bytes) -> Self:
-        """Parse `content`, one line with its end; raise ValueError if its signature is invalid."""
+        """Parse `content`, a line with its line break; ValueError if its signature is invalid."""
         try:
             read = cls.model_validate_json(content)
         except ValidationError as error:
@@ -94,7 +94,7 @@ class SignedLine(StrictModel):
 
     @property
     def line(self) -> bytes:
-        """The line as it is written, with its end."""
+        """The line as it is written, with its line break."""
         return _text_line(self.model_dump())
 
 

@@ -45,8 +45,8 @@ def load_site(
 ) -> Site:
     """Return a world and the rules in force there, for `open_station`.
 
-    Like the console, it refuses rules that are less trusted than those used before on this machine
-    (of a lower version, without a signature, or from another signer) with a ValueError, unless
+    As in the console, rules that are less trusted than those used before on this machine (of a
+    lower version, without a signature, or from another signer) raise ValueError, unless
     `accept_rules` is True. Other errors are those of `load_world` and `load_rules`.
     """
     return assembly.load_site(

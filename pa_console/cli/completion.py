@@ -24,7 +24,7 @@ def rule_files(incomplete: str) -> list[str]:
 
 
 def scenarios(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the situations of the command line's world that begin with `incomplete`."""
+    """Return the situations of the given world that begin with `incomplete`."""
     from pa_console.sim.worlds.scenario_file import FOLDER  # noqa: PLC0415
 
     folder = _world_file(context).parent / FOLDER
@@ -32,7 +32,7 @@ def scenarios(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def mission_sets(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the mission sets beside the command line's world that begin with `incomplete`."""
+    """Return the mission sets beside the given world that begin with `incomplete`."""
     from pa_console.evaluation.jobs import MISSION_SETS  # noqa: PLC0415
 
     folder = _world_file(context).parent / MISSION_SETS

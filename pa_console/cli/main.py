@@ -168,5 +168,5 @@ def _keep_traceback(error: Exception) -> str:
         handle, path = tempfile.mkstemp(prefix="pa-console-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write("".join(traceback.format_exception(error)))
-        return f"please report it with {path}"
+        return f"please report it, and attach {path}"
     return "please report it"

@@ -41,7 +41,7 @@ class _Shift:
     open: dict[str, _AlarmRow] = field(default_factory=dict[str, _AlarmRow])
 
     def end_of(self, mission: str) -> tuple[str, str]:
-        """Return when and with which status a mission ended, or `open`, and the reason."""
+        """Return the time and status with which a mission ended (or `open`), and the reason."""
         return self.ended.get(mission, ("open", ""))
 
     def take(self, event: ev.Event) -> None:

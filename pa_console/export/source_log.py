@@ -1,4 +1,8 @@
-"""The input of an export (a session log with its rules and world) and its output, kept whole."""
+"""The input and the output of exports.
+
+The input is a session log with its rules and its world; an output is written completely or not at
+all.
+"""
 
 import os
 import shutil

@@ -24,7 +24,7 @@ TRIES_AFTER_S = (0.0, 5.0, 30.0)
 MOST_WAITING = 20
 """The largest number of messages that wait for a slow receiver; further messages are dropped."""
 MOST_HANGING = 3
-"""The largest number of tries that may hang at once; the next try waits until one has ended."""
+"""The largest number of tries that may hang at once; further tries fail until one has ended."""
 LEAVE_S = 2.0
 """The longest wait for messages under way at the end of a session, in seconds."""
 
@@ -107,7 +107,7 @@ def receivers(now: Sequence[str], later: Sequence[str] = ()) -> list[Receiver]:
 
 
 def try_all(to: Sequence[Receiver], letter: Letter) -> dict[str, str]:
-    """Deliver a message to all receivers at once; return why each failed, '' if it did not."""
+    """Deliver a message to all receivers at once; return by name why each failed, or ''."""
     with ThreadPoolExecutor(len(to)) as trying:
         tries = {receiver.name: trying.submit(receiver.try_once, letter) for receiver in to}
     return {name: tried.result() for name, tried in tries.items()}

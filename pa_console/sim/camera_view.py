@@ -65,7 +65,7 @@ def look_of(contact: str, seed: int) -> Look:
 def still_of(
     terrain: Terrain, scene: Scene, seed: int, camera: str, track: str
 ) -> Callable[[], bytes] | None:
-    """Return a function that draws the present image of `track` as a PNG file, in any thread.
+    """Return a function, for any thread, that draws the present image of `track` as a PNG file.
 
     Returns None if `camera` does not work or there is no such track.
     """

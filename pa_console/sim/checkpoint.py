@@ -36,7 +36,7 @@ LEAD_TICKS = 2
 
 
 class StepMessages(NamedTuple):
-    """The messages that reached the station in one step: reports by radio, detections by cable."""
+    """The messages that reached the station in one step: reports, and detections of cameras."""
 
     reports: tuple[Report, ...] = ()
     wired: Mapping[str, tuple[Detection, ...]] | None = None
@@ -163,7 +163,7 @@ class Checkpoint:
             self._show(station_side.begin(self._terrain, self._scene))
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Set the assets that are under manual control by the station's own record, at once."""
+        """Set the assets that the station records as under manual control; update the picture."""
         station = self._scene.station
         changed = station.manual ^ assets
         station.manual = assets
@@ -171,7 +171,7 @@ class Checkpoint:
             self._show(station_side.build(self._terrain, self._scene, changed))
 
     def picture(self) -> Picture:
-        """Return the picture from the last reports; it is new every `world.telemetry_period_s`."""
+        """Return the picture from the last reports; `world.telemetry_period_s` is its period."""
         if self._picture is None:
             assert self._draft is not None
             self._picture = self._draft.picture()
@@ -219,7 +219,7 @@ class Checkpoint:
         return taken
 
     def take_skipped(self) -> list[str]:
-        """Return a sentence for each scenario incident that was impossible since the last call."""
+        """Return a sentence for each incident that could not happen since the last call."""
         taken, self._skipped = self._skipped, []
         return taken
 

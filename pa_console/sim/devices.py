@@ -113,10 +113,8 @@ def accept(
 def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
     """Act as the platform does without a link; yield the reply that ends the command.
 
-    The reply is sent once the link is back.
-
-    An asset that holds stays at its post if it has no command; an asset that returns to base leaves
-    its post.
+    The reply is sent once the link is back. An asset that holds stays at its post if it has no
+    command; an asset that returns to base leaves its post.
     """
     returns = terrain.world.platforms[asset.kind].lost_link == "return_to_base"
     if asset.command is not None:
@@ -353,10 +351,9 @@ def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> 
 
 
 def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
-    """Return the contact to deal with at `gate`; contacts already dealt with come last.
+    """Return the nearest contact at `gate` that still needs `verb`, or else the nearest contact.
 
-    Otherwise the nearest is chosen. A contact counts as identified if the station, which sent the
-    command, has identified it.
+    A contact counts as identified if the station, which sent the command, has identified it.
     """
     here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
 

@@ -92,7 +92,7 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
 
 
 def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> AssetState:
-    """Return the asset of a report; an asset that cannot be relied on stays down."""
+    """Return the state of the asset in a report; an asset that cannot be relied on stays down."""
     radio = world.radio
     answers = report.available or (report.manual and station_side.is_sure(report))
     silent = not answers and report.status != "failed" and report.battery_pct > 0.0

@@ -129,7 +129,7 @@ def _carried(scene: Scene, name: str) -> None:
 
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
-    """Return the asset that an incident changes, after marking it for the next step."""
+    """Return the asset that an incident changes, and mark it for processing in the next step."""
     asset = scene.assets[name]
     rouse(terrain.world, scene, asset)
     return asset
@@ -321,7 +321,7 @@ def _track_is(scene: Scene, when: TrackIs) -> bool:
 
 
 def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
-    """Return whether a condition holds for an asset's true state; `silent` depends on reports."""
+    """Return whether a condition holds for an asset's true state, or for its reports (`silent`)."""
     asset = scene.assets.get(when.asset)
     if asset is None:
         return False

@@ -101,7 +101,7 @@ class Traffic:
         return neighbours
 
     def _in_cells(self, asset: AssetState) -> Iterable[AssetState]:
-        """Return the assets in the nine cells around `asset`; cells are reused like neighbours."""
+        """Return the assets in the nine cells around `asset`; the cells are reused, too."""
         if not self._cells or self._gone_m > self._sorted_until_m:
             self._cells = {}
             for other in self._ground:
@@ -126,7 +126,7 @@ def move(
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> None:
-    """Advance every asset in `velocities` (m/s) by `dt_s`; the others stand braked.
+    """Advance every asset in `velocities` (m/s) by `dt_s`; all others stand with brakes on.
 
     UAVs fly over everything. A ground asset never passes through a wall, an obstruction or another
     ground asset.

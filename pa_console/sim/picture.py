@@ -24,7 +24,7 @@ from pa_console.sim.sensing import integrity, tracker
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
-"""The seconds by which a report may exceed the world's slowest radio delay before it is late."""
+"""The seconds after the world's slowest radio delay at which a missing report counts as late."""
 WINDOW = 16
 TOLERATED = 4
 """The number of the last WINDOW reports that may be late or missing on a good link.
@@ -58,7 +58,7 @@ class Draft(NamedTuple):
 
 
 def begin(terrain: Terrain, scene: Scene) -> Draft:
-    """Return the picture before the first step, in which the initial state is long established.
+    """Return the picture before the first step, as if the initial state had lasted a long time.
 
     A working link has always worked, and a broken link has long been silent.
     """
@@ -194,7 +194,7 @@ def _concluded(
 
 
 def _patience(world: World) -> int:
-    """Return the number of steps after which a report that was sent counts as late."""
+    """Return the number of steps from the sending of a report until it counts as late."""
     slowest_s = world.radio.latency_s + world.radio.jitter_s + LATE_S
     return math.ceil(slowest_s / world.dt_s - 1e-9)
 
@@ -227,7 +227,7 @@ def is_sure(asset: AssetTelemetry) -> bool:
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
-    """Update the assets known to cover each gate, and the time without any cover (WF-03)."""
+    """Update which assets are known to cover each gate, and for how long none has (WF-03)."""
     station = scene.station
     for gate in terrain.gates:
         before = station.covers.get(gate)

@@ -145,7 +145,7 @@ def _reaches(scene: Scene, agent: str) -> bool:
 
 
 def _in_order(scene: Scene, direction: str, agent: str, due: int) -> int:
-    """Return the tick at which a message arrives without overtaking others, and count it."""
+    """Return the tick at which a message arrives without overtaking others; count the message."""
     key = (direction, agent)
     due = max(due, scene.link.latest_due.get(key, 0))
     scene.link.latest_due[key] = due

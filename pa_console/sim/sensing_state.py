@@ -123,9 +123,9 @@ class TrackFile:
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance` are
     their values on each axis. `identified`, `confirmed` and `suspected` are the identity, the
     intent and the suspicion of noncombatants that were known before the file began (in a forecast,
-    from its picture).
-    `statements` has each sensor's statement, sorted by sensor; `seen` has each sensor's latest
-    detection. `anchor` and `anchor_tick` are its place and time when it last certainly moved.
+    from its picture). `statements` has each sensor's statement, sorted by sensor; `seen` has each
+    sensor's latest detection. `anchor` and `anchor_tick` are the place and the time of the
+    contact's last certain move.
     """
 
     id: str

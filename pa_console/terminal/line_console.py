@@ -80,7 +80,7 @@ class LineConsole(SessionLines):
         self._input_ended = False
 
     def interrupted(self) -> None:
-        """Explain, at Ctrl-C, that it does not stop anything."""
+        """Explain that Ctrl-C does not stop anything."""
         self._confirming = None
         self._say(CTRL_C)
 
@@ -265,7 +265,7 @@ class JoinedConsole(SessionLines):
         """True if the operator left the session to take command."""
 
     def interrupted(self) -> None:
-        """Leave the session at Ctrl-C; it continues."""
+        """Leave the session, which continues."""
         self._leave()
 
     # Events

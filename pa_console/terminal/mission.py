@@ -141,7 +141,7 @@ def _print_sections(console: Console, sections: Iterable[TraceSection], indent: 
 
 
 def _hanging(row: HangingRow) -> Table:
-    """Return a row whose body wraps beside its lead."""
+    """Return a row whose body is wrapped beside its lead."""
     lead = _text(row.lead)
     grid = Table.grid()
     grid.add_column(no_wrap=True, overflow="fold")

@@ -1,4 +1,4 @@
-"""Output on a terminal: streams, consoles that print text unchanged, JSON, and exit codes."""
+"""Output on a terminal: streams, consoles that print plain text, JSON, and exit codes."""
 
 import json
 import os
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pa_console.schema.rule import RulesSeal
 
 DRIVER = "TEXTUAL_DRIVER"
-"""The variable that names Textual's driver if it is not that of a terminal, but of a browser."""
+"""The variable that names a driver of Textual other than the terminal's, such as a browser's."""
 FAILED = 1
 BAD_INPUT = 2
 

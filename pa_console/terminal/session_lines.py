@@ -193,7 +193,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     async def _no_more_lines(self) -> None:
-        """Continue without input."""
+        """Continue after the end of the input."""
 
     @abstractmethod
     def _stop(self) -> None:

@@ -95,7 +95,7 @@ class FoundFleet:
     def clock(self, own: Clock) -> Clock:
         """Return the clock of the robots, or `own` if there are no robots.
 
-        The time of a paced site is advanced by the station; that of other robots runs by itself.
+        The station advances the time of a paced site; the time of other robots runs by itself.
         """
         if self.joined is None:
             return DevicesClock() if self.links else own
@@ -233,7 +233,7 @@ def claim_credentials(
 def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
     """Return the folder of certificates for a bus; None if the bus is not encrypted.
 
-    Raises ValueError if no folder is given for an encrypted bus, or one for an unencrypted bus.
+    Raises ValueError if an encrypted bus has no folder, or if an unencrypted bus has one.
     """
     if address.tls and certificates is None:
         raise ValueError(

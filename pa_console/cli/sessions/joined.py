@@ -72,7 +72,7 @@ class JoinedSession:
     succession: Succession
 
     def show(self, settings: LoadedSettings, *, plain: bool) -> bool:
-        """Show the session until the operator leaves; return True if that was to take command.
+        """Show the session until the operator leaves; return whether command is to be taken.
 
         Raises typer.Exit if a signal ended the console.
         """
@@ -88,7 +88,7 @@ class JoinedSession:
         return takes
 
     def command_question(self) -> str:
-        """Return the question to ask before taking command; raises ValueError if impossible."""
+        """Return the question to ask before taking command; ValueError if that is not possible."""
         authority = self.succession.prepare(self.station.started)
         return self.station.command_question(authority.trust.next_epoch, authority.name)
 
@@ -101,7 +101,7 @@ class JoinedSession:
 
     @property
     def opening(self) -> str:
-        """The line that is shown while a console that will take command opens."""
+        """The line that is shown during the opening of a console that will take command."""
         return f"Opening the console; {self.station.station} is in command until then ..."
 
     @contextmanager
@@ -187,7 +187,7 @@ def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> W
 
 
 def _started_of(events: list[Event]) -> SessionStarted:
-    """Return the start of the session; raises ValueError if the first event is another one."""
+    """Return the event that starts the session; raises ValueError if it is not the first event."""
     started = events[0].data
     if not isinstance(started, SessionStarted):
         raise ValueError("the shared events do not begin with the start of a session")

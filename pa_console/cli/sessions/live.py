@@ -225,7 +225,7 @@ def _asked() -> bool:
     if not sys.stdin.isatty():
         errors.print("A new session starts; to resume the unclosed one, use --resume.")
         return False
-    question = "Resume it? Nothing is dispatched automatically. No starts a new session"
+    question = "Resume it? Nothing is dispatched automatically. 'n' starts a new session"
     return typer.confirm(question, default=True, err=True)
 
 

@@ -137,8 +137,8 @@ def _print_end(
 ) -> None:
     """Print the results of the missions; raises typer.Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
-    asked = [trace for trace in traces if _is_asked_back(trace)]
-    if code == EXIT_CODES["held"] and asked:
+    open_questions = [trace for trace in traces if _is_asked_back(trace)]
+    if code == EXIT_CODES["held"] and open_questions:
         code = ASKED_BACK
     if json:
         document = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
@@ -153,7 +153,7 @@ def _print_end(
             print_answer(out, answer)
         for trace in traces:
             print_trace(out, trace)
-        for trace in asked:
+        for trace in open_questions:
             print_choices(out, trace)
         if not traces and not answers:
             out.print("no alarm needed a response")
@@ -165,9 +165,9 @@ def _is_asked_back(trace: MissionTrace) -> bool:
     """Return whether the mission ended with a question that no person was there to answer."""
     if trace.status not in ("held", "rejected"):
         return False
-    made = trace.decision
-    nobody = not sys.stdin.isatty() or (made is not None and made.standing)
-    return nobody and bool(trace.asked_choices or trace.offered)
+    decision = trace.decision
+    unattended = not sys.stdin.isatty() or (decision is not None and decision.standing)
+    return unattended and bool(trace.asked_choices or trace.offered)
 
 
 def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approver:

@@ -25,7 +25,7 @@ class Beside:
 
 @dataclass(frozen=True)
 class _Together:
-    """Several sources of reports in the form of one."""
+    """Several sources of reports, combined into one."""
 
     sources: Sequence[Outside]
 

@@ -101,7 +101,7 @@ class JoinedEvents:
         return f"the session of {self._log.stream.station} at {self._log.link.address}"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events as they arrive, and None regularly, until the session ends or `ended()`."""
+        """Yield events as they arrive, and None regularly, until the end or until `ended()`."""
         taken, problem = self._before, ""
         while not ended():
             pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
@@ -133,7 +133,7 @@ class RecordedEvents:
         return f"the recorded session {self.log.stem} at {self.speed:g} times its original speed"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events when they are due, and None regularly, until the last event or `ended()`."""
+        """Yield events when they are due, and None regularly, until the end or until `ended()`."""
         begun, first = time.monotonic(), datetime.now(UTC)
         for number in range(len(self.recording)):
             due_s = self.recording.timeline.seconds[number] / self.speed

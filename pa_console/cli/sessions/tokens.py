@@ -14,7 +14,7 @@ from pa_console.terminal.output import errors, out, print_json
 def token_book(trust: Trust | None = None) -> TokenBook:
     """Return the tokens of this machine's user, with the roles in the roster of `trust`.
 
-    By default, `trust` belongs to the site whose keys are on this machine, if there are any.
+    By default, `trust` is that of the site whose keys are on this machine, if there is one.
     """
     if trust is None and (site_keys() / SITE_OWNER).exists():
         from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
@@ -49,15 +49,15 @@ def show(*, json: bool = False) -> None:
 
 def revoke(name: str, *, json: bool = False) -> None:
     """Revoke a token; it is refused from the next request on."""
-    gone = token_book().revoke(name)
+    token = token_book().revoke(name)
     if json:
-        print_json({"revoked": _without_hash(gone)})
+        print_json({"revoked": _without_hash(token)})
     else:
-        out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}")
+        out.print(f"revoked: {token.id}, {token.person}, {token.role}")
 
 
 def offer_token(tokens: TokenBook, lasting: str) -> None:
-    """Unless there are stored tokens, print a token for this machine's user, which is not stored.
+    """If no tokens are stored, print a token for this machine's user, without storing it.
 
     `lasting` names the period for which the token is valid, such as `run`.
     """
@@ -72,7 +72,7 @@ def offer_token(tokens: TokenBook, lasting: str) -> None:
 
 
 def this_user() -> str:
-    """Return the name of this machine's user, in the form of a name in a token."""
+    """Return the name of this machine's user, with the characters that a token's name may have."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", getpass.getuser()).strip("-_") or "operator"
 
 

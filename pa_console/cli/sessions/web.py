@@ -91,7 +91,7 @@ class ServedConsole(Server):
         self._watched = False
         """True if the open console belongs to an observer."""
         self.begun = asyncio.Event()
-        """Set once the server listens and handles signals."""
+        """An event that is set once the server listens and handles signals."""
         self._left = asyncio.Event()
 
     async def until_ended(self) -> int:

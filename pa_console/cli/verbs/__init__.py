@@ -142,9 +142,10 @@ def _name_types(command: Any) -> None:
 
 
 def _add_examples(app: typer.Typer, above: str = "") -> None:
-    """Add its example to the help of every verb below `app`; `EXAMPLES` has them by their words.
+    """Add its example to the help of every verb below `app`.
 
-    The short help of a verb is the complete first paragraph of its help.
+    `EXAMPLES` has the examples by the verbs' words. The short help of a verb is the complete first
+    paragraph of its help.
     """
     for command in app.registered_commands:
         name = command.name or (command.callback.__name__ if command.callback else "")
@@ -159,6 +160,6 @@ def _add_examples(app: typer.Typer, above: str = "") -> None:
 
 
 def _ended(text: object, words: str) -> str:
-    """Return `text`, the end of a verb's help, with the verb's example; its lines stay apart."""
+    """Return `text`, the end of a verb's help, followed by the verb's example, unwrapped."""
     example = [f"\b\nExample:\n  {EXAMPLES[words]}"] if words in EXAMPLES else []
     return "\n\n".join([text, *example] if isinstance(text, str) else example)

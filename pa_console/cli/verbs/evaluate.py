@@ -200,7 +200,7 @@ def evaluate(
     ] = None,
     jobs: Annotated[
         int,
-        typer.Option(min=1, help="Number of parallel runs. They share the cores, so times change."),
+        typer.Option(min=1, help="Number of parallel runs, which affects the measured times."),
     ] = 1,
     reuse: Annotated[
         bool,

@@ -320,7 +320,7 @@ def sign(
 
 
 def _read_approval(file: Path) -> UnsignedApproval:
-    """Return the approval to sign from `file`; raises DocumentError or ValueError for another."""
+    """Return the approval to sign from `file`; DocumentError or ValueError if there is none."""
     name = "standard input" if str(file) == "-" else str(file)
     if str(file) == "-":
         text: bytes = sys.stdin.buffer.read(MOST_BYTES + 1)

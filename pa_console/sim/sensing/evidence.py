@@ -138,9 +138,9 @@ def hostile_by(file: TrackFile) -> tuple[str, ...]:
 def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
     """Return whether noncombatants are suspected (ROE-08).
 
-    A suspicion ends if a sensor detects no noncombatants while the contact is close by. For the
-    sensor with the suspicion, this counts from WITHDRAWN_S after it last reported the suspicion;
-    for any other sensor, from FORGOTTEN_S.
+    A suspicion ends if a sensor has the contact close by and detects no noncombatants. If it is the
+    sensor that had the suspicion, WITHDRAWN_S must have passed since it last reported the
+    suspicion; if it is another sensor, FORGOTTEN_S.
     """
     if file.suspected:
         return True
@@ -184,7 +184,7 @@ def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
 
 
 class _SensorReach(NamedTuple):
-    """A sensor's place, its greatest reach, and the range in which it certainly counts as close."""
+    """A sensor's place, its reach, and the distance within which a contact is certainly close."""
 
     at: Point
     reach_m: float

@@ -94,7 +94,7 @@ def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = N
 def _watch(
     terrain: Terrain, scene: Scene, gate: str, names: Iterable[str], fresh: int
 ) -> tuple[list[str], list[str]]:
-    """Return the working cameras at `gate`, and the UAVs in `names` that are `_witness`."""
+    """Return the working cameras at `gate`, and the UAVs in `names` whose detections count."""
     cameras = [
         name
         for name, camera in terrain.world.cameras.items()
@@ -192,8 +192,8 @@ def _returned(
     """Return whether a suspect asset's reports may be true again.
 
     They may be true if the asset is back where it stood. Otherwise, its position must be reachable
-    from the last sound one, and away from the place where other sensors missed it. Without such a
-    place, the position must have jumped away from the doubtful ones.
+    from the last sound position, and away from the place where other sensors missed it. If there is
+    no such place, the position must have jumped away from the doubtful positions.
     """
     now = report.telemetry.like
     if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:

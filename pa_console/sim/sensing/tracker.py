@@ -170,8 +170,8 @@ def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
 def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
     """Detect that a warned contact continues.
 
-    It does if it has come nearer to its gate by more than the error, has entered, or moves on
-    inside.
+    It continues if it comes nearer to its gate by more than the error, if it enters, or if it moves
+    on inside.
     """
     if file.warned_tick is None or file.defiant:
         return
@@ -228,7 +228,7 @@ def name_of(scene: Scene, contact: str) -> str:
 
 
 def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: Point) -> TrackFile:
-    """Begin a track, which is assumed to head for its gate; tracks are numbered in this order."""
+    """Begin a track with the next number; it is assumed to head for its gate."""
     state = scene.sensing
     state.numbered += 1
     gate = terrain.gate_of(at)
@@ -251,7 +251,7 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
 
 
 def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection) -> None:
-    """Store the time and place of a sensor's detection, and a warning of the contact."""
+    """Store the time and place of a sensor's detection, and whether the contact was warned."""
     if detection.position is not None:
         latest = next((sighting for sighting in file.seen if sighting.sensor == sensor), None)
         if latest is None or stamp >= latest.tick:

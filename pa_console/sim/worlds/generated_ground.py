@@ -118,7 +118,7 @@ def zones(rng: random.Random, count: int) -> list[str]:
 
 
 def team(rng: random.Random) -> dict[AssetKind, str]:
-    """Return the name for each kind of asset, which precedes `_Tnn` in an asset's name."""
+    """Return, for each kind of asset, the part of an asset's name before `_Tnn`."""
     return rng.choice(_TEAMS)
 
 
@@ -243,7 +243,7 @@ def _circles(
     sites: Sequence[GateSite],
     radii: Sequence[float],
 ) -> list[tuple[Point, float]] | None:
-    """Return a free circle for each radius, or None if one does not fit."""
+    """Return a free circle for each radius, or None if a circle does not fit."""
     polygon = Polygon(perimeter)
     gates = [site.at for site in sites]
     circles: list[tuple[Point, float]] = []

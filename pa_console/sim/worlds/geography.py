@@ -85,8 +85,8 @@ def origin_of(text: str) -> Origin:
 def geography_of(world: World, origin: str, options: str) -> Geography:
     """Return the geography of `world`; a non-empty `origin` overrides that of its file.
 
-    Raises ValueError for an invalid origin, and for a world without an origin. `options` names the
-    ways to give one, for the message.
+    Raises ValueError for an invalid origin, and for a world without an origin. The message for the
+    latter names `options`, the options that give an origin.
     """
     at = origin_of(origin) if origin else world.origin
     if at is None:

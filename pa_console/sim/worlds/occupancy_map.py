@@ -1,8 +1,8 @@
 """Occupancy maps of robots (ROS `map_server`: a YAML file and a PGM image) as a background.
 
-A pixel is the probability that its place is occupied: (255 - value) / 255, or value / 255 with
-`negate`. Above `occupied_thresh` the place is occupied, below `free_thresh` it is free, between
-them unknown. The origin is the lower left corner of the image, in metres.
+A pixel gives the probability that its place is occupied: (255 - value) / 255, or value / 255 with
+`negate`. Above `occupied_thresh`, the place is occupied; below `free_thresh`, it is free; between
+them, it is unknown. The origin is the lower left corner of the image, in metres.
 """
 
 import math

@@ -73,7 +73,7 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
 
 
 def waiting_distance(world: World) -> float:
-    """Return the distance from its gate's frame at which a track stops, in metres."""
+    """Return the distance in metres between a waiting track and the frame of its gate."""
     return WAITING_STANDOFFS * world.standoff_m
 
 
@@ -119,7 +119,7 @@ class Terrain:
 
     @classmethod
     def of(cls, world: World) -> "Terrain":
-        """Return the geometry of `world`; the most recent ones are cached."""
+        """Return the geometry of `world`; the geometries used most recently are cached."""
         for terrain in _recent.terrains:
             if terrain.world is world:
                 return terrain
@@ -198,7 +198,7 @@ class Terrain:
         return self._places[key]
 
     def free_place(self, frame: str, kind: AssetKind, taken: Iterable[Point]) -> Point | None:
-        """Return the innermost place at `frame` that is clear of `taken`, or None if none is."""
+        """Return the innermost place at `frame` clear of `taken`, or None if there is none."""
         spec, spare = self.world.frames[frame], self.spacing_m - 0.1
         (x, y), reach = spec.at, spec.radius_m + spare
         others = [p for p in taken if abs(p[0] - x) < reach and abs(p[1] - y) < reach]
@@ -251,7 +251,7 @@ class Terrain:
         return gap if shapely.contains_xy(self._perimeter, *point) else -gap
 
     def gate_of(self, point: Point) -> str:
-        """Return the gate of the lane nearest to a point; without lanes the nearest gate."""
+        """Return the gate of the lane nearest to a point; without lanes, the gate nearest to it."""
         if len(self._lane_lines):
             return self._lane_gates[
                 int(np.argmin(shapely.distance(self._lane_lines, shapely.Point(point))))
@@ -260,7 +260,7 @@ class Terrain:
 
 
 class _Recent(threading.local):
-    """The recent geometry of a thread; threads share none, because its use completes it."""
+    """The recent geometry of a thread; threads share none, because geometry changes in use."""
 
     def __init__(self) -> None:
         self.terrains: deque[Terrain] = deque(maxlen=16)

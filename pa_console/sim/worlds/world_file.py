@@ -35,7 +35,7 @@ def open_world(name: str) -> tuple[World, Path]:
 
 
 def load_world(path: Path) -> World:
-    """Read the world at `path`; raises DocumentError for the first problem in form or geometry."""
+    """Read the world at `path`; raises DocumentError for the first problem of form or geometry."""
     document = Document.read(path)
     world = document.parse(World)
     for field, problem in geometry_problems(world):

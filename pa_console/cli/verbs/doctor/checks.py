@@ -61,7 +61,7 @@ class Check:
     def graded(
         cls, name: str, good: bool, found: str, remedy: str, bad: State = "warning"
     ) -> "Check":
-        """Return a check whose state is ok if it is `good`; else it is `bad`, with a remedy."""
+        """Return a check in the state ok if it is `good`, else in the state `bad` with a remedy."""
         return cls(name, "ok", found) if good else cls(name, bad, found, remedy)
 
 
@@ -134,7 +134,7 @@ def _canonical(name: str) -> str:
 
 
 def load_or_default() -> tuple[LoadedSettings, Check]:
-    """Return the settings, or the defaults if the settings are not valid, and their check."""
+    """Return the settings, or the defaults if they are not valid, and the check of the settings."""
     from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
     remedy = "correct it, or restore the defaults: pa-console settings reset"
@@ -147,8 +147,8 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
     if unknown := unknown_variables():
         problem = f"unknown variables: {', '.join(unknown)}"
         return loaded, Check("settings", "warning", problem, "see 'pa-console settings show'")
-    there = "" if loaded.document is not None else " does not exist; the defaults apply"
-    return loaded, Check("settings", "ok", f"{loaded.path}{there}")
+    note = "" if loaded.document is not None else " does not exist; the defaults apply"
+    return loaded, Check("settings", "ok", f"{loaded.path}{note}")
 
 
 def check_folders(loaded: LoadedSettings) -> Iterator[Check]:

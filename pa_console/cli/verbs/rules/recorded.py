@@ -229,7 +229,9 @@ def _flip(flip: ChangedDecision) -> str:
 def trace(
     rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="Id of a rule, such as ROE-07.")],
     logs: Annotated[list[Path], LOGS],
-    every: Annotated[bool, typer.Option("--all", help="Also show where it did not apply.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Also show where it does not apply.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """List every mission in which a rule was retrieved, decided a plan, or was broken.
