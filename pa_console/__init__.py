@@ -1,7 +1,7 @@
 """PA Console: command a team of robots in plain language, safely, on an edge computer.
 
-`import pa_console as pa` provides the names of `__all__` and imports the module of a name on its
-first use. The manual's page python-api.md has examples.
+`import pa_console as pa` provides the names in `__all__`. The module that defines a name is
+imported when the name is first used. The manual's page python-api.md has examples.
 """
 
 from importlib import import_module
@@ -94,21 +94,21 @@ _HOMES = {
     "schema.world": ("World",),
     "session.state": ("SessionState",),
 }  # fmt: skip
-"""The public names, by the module from which each is imported."""
+"""The public names, grouped by the module from which they are imported."""
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on its first use."""
     for home, names in _HOMES.items():
         if name in names:
-            found = getattr(import_module(f"pa_console.{home}"), name)
+            value = getattr(import_module(f"pa_console.{home}"), name)
             break
     else:
         if name != "__version__":
             raise AttributeError(f"module 'pa_console' has no attribute {name!r}")
-        found = _version()
-    globals()[name] = found
-    return found
+        value = _version()
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
@@ -117,7 +117,7 @@ def __dir__() -> list[str]:
 
 
 def _version() -> str:
-    """Return the installed version; 0.0.0 if the package is only on the path."""
+    """Return the installed version; 0.0.0 if the package is on the path but not installed."""
     from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415 - slow to import
 
     try:

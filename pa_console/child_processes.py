@@ -1,8 +1,8 @@
-"""The start of child processes that run this Python, without code from the working folder.
+"""Child processes that run this Python without importing code from the working folder.
 
-Python imports from the folder in which it was started before all others. An empty part of a path,
-as in `LD_LIBRARY_PATH=:/opt/lib`, means that folder too. It may hold files of other people: a
-download, a clone, a shared disk.
+Python looks for modules first in the folder in which it was started. An empty part of a path, as in
+`LD_LIBRARY_PATH=:/opt/lib`, means that folder too. The folder may hold files from other people: it
+may be a download, a clone or a shared disk.
 """
 
 import os
@@ -25,9 +25,9 @@ def python_command(*arguments: str) -> tuple[str, ...]:
 
 
 def keep_search_path() -> None:
-    """Make the user's PYTHONPATH absolute, so that it names the same folders for children.
+    """Make the user's PYTHONPATH absolute, so that it means the same folders in child processes.
 
-    An empty part is left out, because for Python it means the folder in which it was started.
+    Empty parts are left out, because Python takes them for the folder in which it was started.
     """
     if given := os.environ.get(SEARCH_PATH):
         parts = (os.path.abspath(part) for part in given.split(os.pathsep) if part)
@@ -36,9 +36,9 @@ def keep_search_path() -> None:
 
 @contextmanager
 def isolated_workers() -> Generator[None]:
-    """Make a library start its processes without imports from the working folder.
+    """Make the libraries in the block start processes without imports from the working folder.
 
-    `multiprocessing` (and Dask with it) passes on the environment, but no option like `-P`.
+    `multiprocessing`, which Dask uses too, passes on the environment, but not an option like `-P`.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"

@@ -12,15 +12,15 @@ from typing import TypeVar
 T = TypeVar("T")
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 HEED_S = 0.5
-"""The longest delay of a signal while an answer is awaited on the terminal, in seconds."""
+"""The longest delay, in seconds, of a signal that arrives while the terminal is read."""
 
 
 @contextmanager
 def end_signals(end: Callable[[int], None]) -> Generator[None]:
-    """Call `end` with the number of the first of these signals; a second one ends the process.
+    """Call `end` with the number of the first signal; a second signal ends the process.
 
-    A signal that is ignored stays ignored: `nohup` lets a session outlive its terminal. `end` is
-    called between two steps of the main thread.
+    A signal that is already ignored stays ignored, so that `nohup` lets a session outlive its
+    terminal. `end` is called between two steps of the main thread.
     """
     before = {number: signal.getsignal(number) for number in ENDING}
     heeded = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
@@ -42,26 +42,26 @@ def end_signals(end: Callable[[int], None]) -> Generator[None]:
 
 
 def leave_terminal() -> None:
-    """Redirect standard streams of a terminal to the null device, because writing now fails."""
+    """Redirect standard streams from the lost terminal, where writing fails, to the null device."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for number in range(3):
-        with suppress(OSError):  # a stream that is closed
+        with suppress(OSError):  # the stream is closed
             if stat.S_ISCHR(os.fstat(number).st_mode):  # isatty() is false for a lost terminal
                 os.dup2(nowhere, number)
     os.close(nowhere)
 
 
 def exit_code_of(number: int) -> int:
-    """Return the exit code of a process ended by the signal `number`, as shells define it."""
+    """Return the exit code that shells report for a process ended by the signal `number`."""
     return 128 + number
 
 
 class EndableRun:
-    """A run of a session without a screen, which `end` ends in order."""
+    """A run of a session without a screen; `end` ends the session in an orderly way."""
 
     def __init__(self) -> None:
         self.ended_by = 0
-        """The signal that `end` was called with, 0 for none."""
+        """The number of the signal that `end` was called with; 0 if it was not called."""
         self.cancel: Callable[[], object] = lambda: None
         """A function that ends the running session; a session may replace it with its own."""
         self._asking = False
@@ -71,7 +71,7 @@ class EndableRun:
     ) -> T | None:
         """Run `session` and return its result; None if `end` ended it.
 
-        The session runs in `loop`, or in an event loop of its own.
+        The session runs in `loop`; without one, in a new event loop.
         """
         try:
             main = self._main(session)
@@ -83,10 +83,10 @@ class EndableRun:
 
     @contextmanager
     def asking(self) -> Generator[None]:
-        """Let `end` interrupt the block at once, because nothing else runs while it waits.
+        """Let `end` interrupt the block at once, because nothing else runs while the block waits.
 
-        A signal that comes just before the terminal is read would wait for the answer. A timer
-        interrupts the reading from time to time, so that the signal is handled.
+        A signal that arrives just before the terminal is read would be handled only after the
+        answer, so a timer interrupts the reading from time to time.
         """
         before = signal.signal(signal.SIGALRM, self._heed)
         signal.setitimer(signal.ITIMER_REAL, HEED_S, HEED_S)

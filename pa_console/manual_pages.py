@@ -1,4 +1,4 @@
-"""The pages of the manual, Markdown files in the package, and a search over them."""
+"""The pages of the manual, which are Markdown files in the package, and a search in them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from rapidfuzz import process
 FIRST = "index"
 """The first page of the manual; its links give the order of the others."""
 AROUND = 70
-"""The number of characters of a section that are shown with a hit."""
+"""The number of characters of a section that are shown with a search hit."""
 ALIKE = 60
-"""The least similarity, out of 100, of a name that is suggested for an unknown one."""
+"""The least similarity, out of 100, at which a name is suggested in place of an unknown name."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ManualSection:
 
 @dataclass(frozen=True)
 class Page:
-    """A page with the name of its file, and a section for each heading, the title first."""
+    """A page: the name of its file, and a section for each heading, with the title first."""
 
     name: str
     summary: str
@@ -42,14 +42,14 @@ class Page:
         return self.sections[0].heading
 
     def heading_of(self, anchor: str) -> int:
-        """Return the index of the heading that a link's `anchor` names, 0 for an unknown one."""
+        """Return the index of the heading that a link's `anchor` names; 0 if there is none."""
         anchors = [_anchor(section.heading) for section in self.sections]
         return anchors.index(anchor) if anchor in anchors else 0
 
 
 @dataclass(frozen=True)
 class SearchHit:
-    """A section that contains all words of a search; `excerpt` is the text around the first."""
+    """A section with all words of a search; `excerpt` is the text around the first such word."""
 
     page: Page
     number: int
@@ -68,9 +68,9 @@ class Manual:
         self.pages = tuple(pages)
 
     def find(self, topic: str) -> Page:
-        """Return the page named `topic`, or the first one with a section of that name.
+        """Return the page named `topic`, or the first page with a section of that name.
 
-        Raises ValueError, which names similar pages, if there is none.
+        Raises ValueError if there is none; the message names similar pages.
         """
         pages = {page.name: page for page in self.pages}
         name = topic.lower().removesuffix(".md")
@@ -84,20 +84,20 @@ class Manual:
         raise ValueError(f"the manual has no page {topic!r}.{hint} Pages: {', '.join(pages)}")
 
     def search(self, words: str) -> list[SearchHit]:
-        """Return the sections that contain every word, in any case; empty without words.
+        """Return the sections that contain every word, in upper or lower case; none without words.
 
         Sections with one of the words in their heading come first.
         """
         wanted = words.lower().split()
-        found = [
+        hits = [
             SearchHit(page, number, _excerpt(section.text, wanted))
             for page in self.pages
             for number, section in enumerate(page.sections)
             if wanted
             and all(word in f"{section.heading} {section.text}".lower() for word in wanted)
         ]
-        found.sort(key=lambda one: not any(word in one.heading.lower() for word in wanted))
-        return found
+        hits.sort(key=lambda hit: not any(word in hit.heading.lower() for word in wanted))
+        return hits
 
 
 @cache
@@ -147,7 +147,7 @@ def linked_pages(text: str) -> Iterator[str]:
 
 
 def _summary(tokens: list[Token]) -> str:
-    """Return the first sentence of the first paragraph with words."""
+    """Return the first sentence of the first paragraph that has words."""
     for before, token in pairwise(tokens):
         if before.type == "paragraph_open" and before.level == 0 and (text := _plain(token)):
             sentence = search(r"^.*?[.!?](?=\s+[^a-z\s]|$)", text)
@@ -164,7 +164,7 @@ def _texts(tokens: list[Token]) -> Iterator[str]:
 
 
 def _plain(inline: Token) -> str:
-    """Return the words of a text without markup, link addresses and images."""
+    """Return the words of a text, without markup, link addresses or images."""
     words = (
         part.content if part.type in {"text", "code_inline"} else " "
         for part in inline.children or ()

@@ -1,4 +1,4 @@
-"""The network addresses of servers: reading, writing, and a test for this machine."""
+"""The network addresses of servers: parsing, formatting, and a test for this machine."""
 
 import ipaddress
 from collections.abc import Mapping
@@ -8,10 +8,10 @@ from urllib.parse import SplitResult, urlsplit
 def server_address(
     text: str, ports: Mapping[str, int], server: str, form: str
 ) -> tuple[SplitResult, str, int]:
-    """Read `scheme://host[:port]` and the rest; return the parts, the host and the port.
+    """Parse an address `scheme://host[:port]...`; return its parts, its host and its port.
 
-    `ports` has the default port of each supported scheme. Raises ValueError with the problem, in
-    which `server` names the kind of server and `form` is the expected form.
+    `ports` has the default port of each supported scheme. Raises ValueError if the address is not
+    valid; the message contains `server`, the kind of server, and `form`, the expected form.
     """
     try:
         parts = urlsplit(text)
@@ -19,7 +19,7 @@ def server_address(
     except ValueError as error:
         raise ValueError(f"{text}: {error}; the form is {form}") from None
     if parts.scheme not in ports or not parts.hostname:
-        raise ValueError(f"{text} is no address of {server}; the form is {form}")
+        raise ValueError(f"{text} is not an address of {server}; the form is {form}")
     return parts, parts.hostname, port or ports[parts.scheme]
 
 
@@ -29,7 +29,7 @@ def host_and_port(host: str, port: int) -> str:
 
 
 def is_this_machine(host: str) -> bool:
-    """Return whether data sent to `host` stays on this machine; other names are not resolved."""
+    """Return whether data sent to `host` stays on this machine; host names are not resolved."""
     if host == "localhost":
         return True
     try:

@@ -1,4 +1,4 @@
-"""Files that only their owner can use, mode 0600 in folders of mode 0700, and folder checks."""
+"""Files and folders that only their owner can use (modes 0600 and 0700), and checks of folders."""
 
 import errno
 import os
@@ -13,14 +13,14 @@ _ALWAYS = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK
 
 
 class NotPrivateError(OSError):
-    """An error for a file that others may use or that another user owns, with a remedy."""
+    """An error for a file that belongs to another user, or that others may use, with a remedy."""
 
     def __init__(self, path: Path, problem: str, code: int = errno.EACCES) -> None:
         super().__init__(code, problem, str(path))
 
 
 def make_private_folder(folder: Path) -> None:
-    """Make `folder` and its missing parents for their owner only; raises OSError.
+    """Make `folder` and its missing parents accessible only to their owner; raises OSError.
 
     An existing folder is not changed.
     """
@@ -30,15 +30,15 @@ def make_private_folder(folder: Path) -> None:
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Open `path`, with mode 0600 if `flags` create it, and return its descriptor.
+    """Open `path` and return its descriptor; a new file has mode 0600.
 
     If the file belongs to this user, the rights of other users are removed. Raises OSError, and
-    NotPrivateError for a link, for a file that is not a plain one, and for one of another owner.
+    NotPrivateError for a link, for anything but a plain file, and for a file of another owner.
     """
     file = _open(path, flags)
     try:
-        found = _own(path, file)
-        if stat.S_IMODE(found.st_mode) & 0o077:
+        status = _own(path, file)
+        if stat.S_IMODE(status.st_mode) & 0o077:
             with suppress(PermissionError):  # a file system without owners
                 os.fchmod(file, FILE_MODE)
     except BaseException:
@@ -68,7 +68,7 @@ def replace_private(path: Path, content: bytes, mode: int = FILE_MODE) -> None:
 
 
 def mode_of(path: Path) -> int:
-    """Return the mode of `path`, or of a private file while it does not exist; raises OSError."""
+    """Return the mode of `path`, or FILE_MODE if there is no such file; raises OSError."""
     try:
         return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:
@@ -85,24 +85,24 @@ def write_all(file: int, content: bytes) -> None:
 def read_private(path: Path, loose: int = 0o077) -> bytes:
     """Return the content of `path`; raises OSError.
 
-    Raises NotPrivateError for a link, for a file of another owner, and for one that gives other
-    users a right in `loose`, because they may already have read or changed it.
+    Raises NotPrivateError for a link and for a file of another owner. It is also raised for a file
+    that gives other users a right in `loose`, because they may already have read or changed it.
     """
     file = _open(path, os.O_RDONLY)
     with os.fdopen(file, "rb") as stream:
         mode = stat.S_IMODE(_own(path, file).st_mode)
         if mode & loose:
             may = "read" if mode & loose & 0o044 else "change"
-            problem = f"others may {may} it (mode {mode:04o}); if nobody did: chmod 600 '{path}'"
+            problem = f"others may {may} it (mode {mode:04o}); if nobody has: chmod 600 '{path}'"
             raise NotPrivateError(path, problem)
         return stream.read()
 
 
 def exposed(folder: Path, rights: int) -> tuple[str, str] | None:
-    """Return how other users can use `folder`, with the remedy; None if they cannot.
+    """Return how other users can access `folder`, and a remedy; None if they cannot.
 
-    They can use it if they have one of the `rights` to it (0o077: any, 0o022: to write), or if they
-    can replace it: the folder itself, the target of a link, or a folder above these.
+    They can access it if they have one of the `rights` to it (0o077: any, 0o022: to write). They
+    also can if they are able to replace the folder, the target of a link, or a folder above these.
     """
     if not folder.is_dir():
         return None
@@ -128,11 +128,11 @@ def nearest_existing(path: Path) -> Path:
 
 
 def unwritable(folder: Path) -> str:
-    """Return why `folder`, which may not exist, cannot be written; '' if it can."""
-    found = nearest_existing(folder)
-    if not found.is_dir():
-        return f"{found} is not a folder"
-    return "" if os.access(found, os.W_OK | os.X_OK) else f"{found} cannot be written to"
+    """Return why `folder`, which may not exist yet, cannot be written to; '' if it can."""
+    place = nearest_existing(folder)
+    if not place.is_dir():
+        return f"{place} is not a folder"
+    return "" if os.access(place, os.W_OK | os.X_OK) else f"{place} cannot be written to"
 
 
 def sync_folder(folder: Path) -> None:
@@ -155,10 +155,10 @@ def _open(path: Path, flags: int) -> int:
 
 
 def _own(path: Path, file: int) -> os.stat_result:
-    found = os.fstat(file)
-    if not stat.S_ISREG(found.st_mode):
+    status = os.fstat(file)
+    if not stat.S_ISREG(status.st_mode):
         raise NotPrivateError(path, "it is not a plain file; name another one")
-    if found.st_uid != os.geteuid():
-        problem = f"it belongs to another user (uid {found.st_uid}); use a file of your own"
+    if status.st_uid != os.geteuid():
+        problem = f"it belongs to another user (uid {status.st_uid}); use a file of your own"
         raise NotPrivateError(path, problem)
-    return found
+    return status

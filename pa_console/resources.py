@@ -35,33 +35,34 @@ def install_hint(extra: str) -> str:
     return f"pip install 'pa-console[{extra}]'"
 
 
-def missing_library(module: str, extra: str, what: str) -> str:
-    """Return the command that installs `module` with its `extra`; '' if it is installed.
+def missing_library(module: str, extra: str, need: str) -> str:
+    """Return a sentence with the command that installs `module`; '' if it is installed.
 
-    `what` begins the sentence, such as `alerts need`. The module is not imported.
+    The command installs `extra`; `need` begins the sentence, such as `alerts need`. The module is
+    not imported.
     """
-    return "" if find_spec(module) else _not_installed(module, extra, what)
+    return "" if find_spec(module) else _not_installed(module, extra, need)
 
 
 @contextmanager
-def naming_what_is_missing(extra: str, what: str = "this needs") -> Generator[None]:
+def naming_what_is_missing(extra: str, need: str = "this needs") -> Generator[None]:
     """Raise ValueError with the `extra` to install if an import in the block fails."""
     try:
         yield
     except ModuleNotFoundError as error:
-        raise ValueError(_not_installed(error.name, extra, what)) from error
+        raise ValueError(_not_installed(error.name, extra, need)) from error
 
 
-def _not_installed(module: str | None, extra: str, what: str) -> str:
-    return f"{what} a library that is not installed ({module}): {install_hint(extra)}"
+def _not_installed(module: str | None, extra: str, need: str) -> str:
+    return f"{need} a library that is not installed ({module}): {install_hint(extra)}"
 
 
 def find_data(kind: str, name: str, file: str) -> Path:
-    """Return the path of `name`, a user's path or the name of an installed item.
+    """Return the path that `name` means: a path of the user, or the name of an installed item.
 
     `find_data("worlds", "checkpoint", "world.yaml")` is the installed checkpoint. If `name` is an
-    existing file, that file is returned; if it is an existing folder, `file` in it. The returned
-    path may not exist: opening it raises an error that names it.
+    existing file, its path is returned; if it is a folder that contains `file`, the path of that
+    file. The returned path may not exist; opening it then raises an error that names it.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -82,8 +83,8 @@ def existing_data(kind: str, name: str, file: str) -> Path:
     if path.exists():
         return path
     folder = data_folder() / kind
-    found = {one.parent.name for one in folder.glob(f"*/{file}")}
-    known = ", ".join(sorted(found | {one.stem for one in folder.glob("*.yaml")}))
+    folders = {path.parent.name for path in folder.glob(f"*/{file}")}
+    names = ", ".join(sorted(folders | {path.stem for path in folder.glob("*.yaml")}))
     raise DocumentError(
-        name, 0, "", f"No such file, and nothing installed has this name; installed: {known}"
+        name, 0, "", f"No such file, and nothing installed has this name; installed: {names}"
     )

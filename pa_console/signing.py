@@ -1,4 +1,4 @@
-"""Ed25519 signatures: this machine's key, made on first use, verification, and signed lines."""
+"""Ed25519 signatures: this machine's key (made on first use), verification, and signed lines."""
 
 import base64
 import hashlib
@@ -26,11 +26,11 @@ from pa_console.schema.base import Hex32, Hex64, StrictModel
 
 KEY_VARIABLE = "PA_CONSOLE_SIGNING_KEY"
 PASSPHRASE_VARIABLE = "PA_CONSOLE_PASSPHRASE"
-"""The passphrase of a site's keys, for machines on which no person can type it."""
+"""The variable with the passphrase of a site's keys, for machines on which nobody can type it."""
 
 SITE_OWNER = "owner.pub"
-"""The public key of a site's owner, in the folder of its keys; its presence means a site with
-keys."""
+"""The file with the public key of the site's owner, in the folder of the site's keys. A site has
+keys if this file exists."""
 
 KEY_FILE = "signing-key.pem"
 KNOWN_FILE = "known-keys"
@@ -43,7 +43,7 @@ class SigningError(ValueError):
 
 
 class Signer:
-    """One private key that signs; `public` is its public key, 32 bytes in hexadecimal."""
+    """A private key for signing; `public` is its public key, 32 bytes in hexadecimal."""
 
     def __init__(self, key: ed25519.Ed25519PrivateKey) -> None:
         self._key = key
@@ -81,20 +81,20 @@ class SignedLine(StrictModel):
 
     @classmethod
     def parse(cls, content: bytes) -> Self:
-        """Parse `content`, one line with its end; raise ValueError if its signature is invalid."""
+        """Parse `content`, a line with its line break; ValueError if its signature is invalid."""
         try:
             read = cls.model_validate_json(content)
         except ValidationError as error:
             raise ValueError(f"not {cls.TITLE}") from error
         message = cls.PURPOSE + _text_line(read.model_dump(exclude={"signature"}))
-        # The bytes are compared as well, because the signature fits other spellings of the JSON.
+        # The bytes are compared as well, because other spellings of the JSON match the signature.
         if content != read.line or not is_signature(read.signature, message, read.key):
-            raise ValueError("this line was changed: its signature does not fit its content")
+            raise ValueError("this line was changed: its signature does not match its content")
         return read
 
     @property
     def line(self) -> bytes:
-        """The line as it is written, with its end."""
+        """The line as it is written, with its line break."""
         return _text_line(self.model_dump())
 
 
@@ -121,8 +121,8 @@ def site_keys() -> Path:
 def load_signer() -> Signer:
     """Return this machine's signer; its key is made on first use, readable by its owner only.
 
-    Two consoles that start at once get the same key. Raises SigningError if the key can be
-    neither read nor made, or if other users can read it.
+    Two consoles that start at the same time get the same key. Raises SigningError if the key can
+    be neither read nor made, or if other users can read it.
     """
     path = key_path()
     try:
@@ -150,11 +150,11 @@ def known_keys() -> frozenset[str]:
 
 
 def named_keys() -> dict[str, str]:
-    """Return the names of the keys that this machine's user knows, by fingerprint.
+    """Return the names that this machine's user has given to keys, by fingerprint.
 
     The file `known-keys` beside the signing key has a fingerprint and a name on each line; lines
-    with # are comments. Raises SigningError with the number of an invalid line, and for a file that
-    other users may change.
+    that begin with # are comments. Raises SigningError, with the line number, for an invalid line,
+    and also if other users may change the file.
     """
     path = key_path().with_name(KNOWN_FILE)
     try:
@@ -164,15 +164,15 @@ def named_keys() -> dict[str, str]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, NotPrivateError) else error
         raise SigningError(f"{path}: cannot be read: {reason}") from error
-    known: dict[str, str] = {}
+    names: dict[str, str] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         key, _, name = line.strip().partition(" ")
         if not key or key.startswith("#"):
             continue
         if not is_fingerprint(key) or not name.strip():
             raise SigningError(f"{path}:{number}: expected SHA256:, 43 characters, and a name")
-        known[key] = name.strip()
-    return known
+        names[key] = name.strip()
+    return names
 
 
 def fingerprint(public: str) -> str:
@@ -192,7 +192,7 @@ def is_public_key(text: str) -> bool:
 
 
 def is_signature(signature: str, message: bytes, public: str) -> bool:
-    """Return True if the key `public` made `signature` of `message`; both are hexadecimal."""
+    """Return True if the key `public` signed `message`; key and signature are hexadecimal."""
     try:
         key = ed25519.Ed25519PublicKey.from_public_bytes(bytes.fromhex(public))
         key.verify(bytes.fromhex(signature), message)
@@ -208,15 +208,15 @@ def _read(path: Path) -> Signer | None:
     except FileNotFoundError:
         return None
     except (ValueError, TypeError, UnsupportedAlgorithm) as error:
-        problem = "not an unencrypted private key in PEM; restore it, or move it away for a new one"
+        problem = "not an unencrypted PEM private key; restore it, or move it away to get a new one"
         raise SigningError(f"{path}: {problem}") from error
     if not isinstance(key, ed25519.Ed25519PrivateKey):
-        raise SigningError(f"{path}: not an Ed25519 key; move it away and a new one is made")
+        raise SigningError(f"{path}: not an Ed25519 key; move it away to get a new one")
     return Signer(key)
 
 
 def _make(path: Path) -> Signer:
-    """Make a key at `path`, which is on the disk before it signs anything."""
+    """Make a key and write it to the disk at `path` before it can sign anything."""
     key = ed25519.Ed25519PrivateKey.generate()
     pem = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
     replace_private(path, pem)
@@ -226,8 +226,8 @@ def _make(path: Path) -> Signer:
 def _unusable(path: Path, error: OSError) -> SigningError:
     if isinstance(error, NotPrivateError):
         return SigningError(
-            f"{path}: this signing key is not used: {error.strerror}; else move it away, and a new "
-            f"one is made; or name another file in {KEY_VARIABLE}"
+            f"{path}: this signing key is not used: {error.strerror}; otherwise, move it away to "
+            f"get a new one, or name another file in {KEY_VARIABLE}"
         )
     return SigningError(
         f"{path}: cannot make or read the signing key: {error.strerror or error}; "

@@ -19,10 +19,10 @@ from pa_console.station.assembly import Site
 
 
 def load_world(world: str = "checkpoint") -> World:
-    """Return a world: an installed one by name, or the one in a folder or file of yours.
+    """Return the world with an installed name, or the world in a folder or a file.
 
-    Lengths are in metres, x points east and y north, speeds are in metres per second, times in
-    seconds. Raises DocumentError, a ValueError that names file, line and field.
+    Lengths are in metres, speeds in metres per second, times in seconds; x points east and y north.
+    Raises DocumentError, a ValueError that names file, line and field.
     """
     return open_world(world)[0]
 
@@ -30,8 +30,8 @@ def load_world(world: str = "checkpoint") -> World:
 def load_rules(rules: str = "checkpoint", *, unsigned: bool = False) -> Rulebook:
     """Return the rules of an installed set or of a file, with the core, which is always in force.
 
-    Raises DocumentError, a ValueError that names file, line and field. Rules that were altered
-    after signing raise it too, unless they are to be loaded as `unsigned`.
+    Raises DocumentError, a ValueError that names file, line and field. It is also raised for rules
+    that were altered after signing, unless `unsigned` is True.
     """
     return assembly.open_rules(rules, unsigned=unsigned)[0]
 
@@ -45,9 +45,9 @@ def load_site(
 ) -> Site:
     """Return a world and the rules in force there, for `open_station`.
 
-    As in the console, rules weaker than those used before on this machine (of a lower version,
-    without a signature, or with another signer) raise ValueError, unless `accept_rules`. Other
-    errors are those of `load_world` and `load_rules`.
+    As in the console, rules that are less trusted than those used before on this machine (of a
+    lower version, without a signature, or from another signer) raise ValueError, unless
+    `accept_rules` is True. Other errors are those of `load_world` and `load_rules`.
     """
     return assembly.load_site(
         world, rules, unsigned=unsigned, pins=RulesPins(), accept=accept_rules
@@ -62,13 +62,13 @@ def check_plan(
     fleet: Outlook | None = None,
     mission: str = "Carry out this plan.",
 ) -> tuple[Finding, ...]:
-    """Return the safeguards' findings on `plan` (paper, Section IV-F); no model is asked.
+    """Return the safeguards' findings on `plan` (paper, Section IV-F); no model is used.
 
-    The plan is rehearsed in a forecast from the present picture of `fleet`, by default of a quiet
-    watch in `world`. The result has one finding for every rule, in the order of `rules`. If the
-    plan cannot be started, because it names something that does not exist, the findings have the id
-    PLAN only. `mission` is the order, for rules about its words. No command reaches a device. The
-    check takes about a second and blocks the calling thread.
+    The plan is rehearsed in a forecast from the present picture of `fleet`; by default, from the
+    initial picture of a simulation of `world`. The result has one finding for every rule, in the
+    order of `rules`. If the plan cannot be started, because it names something that does not exist,
+    all findings have the id PLAN. `mission` is the order, for rules about its words. No command
+    reaches a device. The check takes about a second and blocks the calling thread.
     """
     given = Mission(id="check", text=mission, created=datetime.now(UTC))
     outlook = SimulatedFleet.start(world) if fleet is None else fleet

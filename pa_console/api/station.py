@@ -1,7 +1,7 @@
-"""A station for a program, without a screen: missions, an approver, questions, and its end.
+"""A station for programs, without a screen: it carries out missions and answers questions.
 
-The station is composed of the parts that the console itself uses. The settings of the console have
-no effect: a program passes what it wants.
+The station is composed of the parts that the console itself uses. The console's settings have no
+effect; a program passes its choices as arguments.
 """
 
 import asyncio
@@ -50,10 +50,10 @@ STANDING_CONFIDENCE = 0.9
 
 
 def auto_approver(request: ev.ApprovalRequested) -> Decision:
-    """Approve a plan that passes safeguards and judge without doubt; reject every other plan.
+    """Approve a plan if the safeguards and the judge have no objection; otherwise, reject it.
 
-    Warnings are acknowledged. A judge's Failure is never overridden. An order that planner or judge
-    may have misread, with a confidence below STANDING_CONFIDENCE, is not carried out.
+    Warnings are acknowledged. A judge's Failure is never overridden. An order is not carried out if
+    planner or judge may have misread it, with a confidence below STANDING_CONFIDENCE.
     """
     approver = standing_approver("auto", least=STANDING_CONFIDENCE, origin="auto_approver")
     return approver(request)
@@ -62,7 +62,7 @@ def auto_approver(request: ev.ApprovalRequested) -> Decision:
 async def leave_to_clients(_: ev.ApprovalRequested) -> Decision:
     """Never decide, so that every plan waits for a client of `Station.served`."""
     await asyncio.Event().wait()
-    raise AssertionError("nobody ends that wait")
+    raise AssertionError("this wait never ends")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Served:
     """The address of a served station, and its access tokens."""
 
     address: str
-    """The start of every URL, such as `http://127.0.0.1:40213`; its `/docs` describes the rest."""
+    """The start of every URL, such as `http://127.0.0.1:40213`; its `/docs` lists the others."""
     tokens: "TokenBook"
 
     def make_token(self, role: "Role", person: str) -> str:
@@ -87,8 +87,8 @@ class Outcome:
     """The end of a mission.
 
     `status` is `verified` only if telemetry has shown that the plan was carried out. `plan` is the
-    last approved plan, None if there is none. `metrics` are seconds per stage: execution on the
-    fleet's clock, everything else in wall time.
+    last approved plan, or None. `metrics` has the seconds of each stage: execution on the fleet's
+    clock, all other stages in wall time.
     """
 
     mission: Mission
@@ -101,7 +101,7 @@ class Outcome:
 
 
 class Station:
-    """A control station that runs as long as its context lasts; `open_station` returns it.
+    """A control station, from `open_station`, that runs while its context lasts.
 
     Use it in the event loop in which its context was entered.
     """
@@ -124,11 +124,11 @@ class Station:
         self._begun = asyncio.Event()
         self._over: Exception | None = None
         self._context = AsyncExitStack()
-        self._told = 0
+        self._emitted = 0
         self._clients: list[ServedSession] = []
 
     async def __aenter__(self) -> Self:
-        """Begin the session; returns when the first picture is available."""
+        """Begin the session; return once the first picture is available."""
         async with AsyncExitStack() as stack:
             writer = stack.enter_context(self._open_log())
             self.log = writer.path
@@ -155,8 +155,8 @@ class Station:
 
         Waiting missions are carried out by priority, one at a time. If this call is cancelled, the
         mission is cancelled, and assets under way for it go to a safe state. Raises ValueError if
-        the station does not accept the mission, and RuntimeError if the session ends first. An
-        exception of the approver is raised here too; its plan is rejected.
+        the station does not accept the mission, and RuntimeError if the session ends first. If the
+        approver raises an exception, the plan is rejected, and the exception is raised here, too.
         """
         if self._over is not None:
             raise self._over
@@ -173,17 +173,17 @@ class Station:
     async def ask(self, question: str) -> ev.QuestionAnswered:
         """Answer a question about the record: *Why?*, *Why not Robot_T02?*, *What else?*.
 
-        The answer is about the waiting plan, otherwise about the active or last mission. No model
-        is asked, nothing is decided and no asset moves; the answer is logged. Each of the answer's
+        The answer is about the waiting plan, or else about the active or last mission. No model is
+        used, nothing is decided and no asset moves; the answer is logged. Each of the answer's
         `lines` has its subject in `about` and its text in `said`. Raises ValueError for any other
-        text, RuntimeError if the session is over.
+        text, and RuntimeError if the session is over.
         """
         if self._over is not None:
             raise self._over
-        found = self._station.question_in(question)
-        if found is None:
+        parsed = self._station.question_in(question)
+        if parsed is None:
             raise ValueError(NO_QUESTION)
-        return await self._station.answer(found)
+        return await self._station.answer(parsed)
 
     def inject(self, incident: Mapping[str, object]) -> None:
         """Make an incident happen in a simulated fleet, e.g. a vehicle 60 m from a gate.
@@ -199,7 +199,7 @@ class Station:
         await self._station.advance(seconds)
 
     async def settled(self) -> None:
-        """Wait until no mission is active and none waits, including missions of alarms.
+        """Wait until no mission is active or waiting, including missions from alarms.
 
         By then, the judge has given its verdict on every outcome.
         """
@@ -208,21 +208,22 @@ class Station:
     def change_standing(self, order_id: str, change: Change) -> None:
         """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
-        Raises ValueError if it is not in force or nothing would change.
+        Raises ValueError if the order is not in force, or if nothing would change.
         """
         self._station.change_standing(order_id, change)
 
     def take_manual(self, asset: str) -> None:
         """Take manual control of an asset: only the hold of a stop is still sent to it.
 
-        Raises ValueError if it is unknown or already taken.
+        Raises ValueError if the asset is unknown or already under manual control.
         """
         self._station.manual.take(asset, by="program")
 
     def end_manual(self, asset: str) -> None:
-        """Return an asset from manual control, which does not move it.
+        """End the manual control of an asset, which does not move it.
 
-        Missions that awaited it are queued. Raises ValueError if it is not under manual control.
+        Missions that awaited the asset are queued. Raises ValueError if the asset is not under
+        manual control.
         """
         self._station.manual.end(asset, by="program")
 
@@ -238,24 +239,25 @@ class Station:
     async def served(self, port: int = 0) -> AsyncGenerator[Served]:
         """Serve this session to other programs in a context, as `pa-console serve` does.
 
-        It listens on `port` of loopback, by default on a free one. Tokens from `pa-console serve
-        --make-token` are valid for it too. The approver of the station still decides, and so may
-        clients: the first decision counts. The approver `leave_to_clients` leaves all decisions to
-        clients. The extra `serve` is required. Raises ValueError if the port cannot be listened on.
+        It listens on `port` of loopback, by default on a free port. Tokens from `pa-console serve
+        --make-token` are valid here, too. The approver of the station still decides, and clients
+        may decide as well; the first decision counts. The approver `leave_to_clients` leaves all
+        decisions to clients. The extra `serve` is required. Raises ValueError if the port cannot be
+        used.
         """
         from pa_console.http.connections import listen  # noqa: PLC0415 - with the extra
         from pa_console.http.http_app import serving  # noqa: PLC0415 - FastAPI
         from pa_console.http.served_session import ServedSession  # noqa: PLC0415
         from pa_console.http.tokens import TOKENS_FILE, TokenBook  # noqa: PLC0415
 
-        client = ServedSession(self._station, self.state, lambda: self.log, told=self._told)
+        client = ServedSession(self._station, self.state, lambda: self.log, told=self._emitted)
         tokens = TokenBook(key_path().with_name(TOKENS_FILE))
         if self.log is not None:
             self._station.take_stills(self.log)
         with listen(port) as listening:
             self._clients.append(client)
             try:
-                async with serving(client, tokens, listening, _told_to_nobody) as address:
+                async with serving(client, tokens, listening, _ignore_failed_request) as address:
                     yield Served(address, tokens)
             finally:
                 self._clients.remove(client)
@@ -266,7 +268,7 @@ class Station:
             async with aclosing(self._station.run()) as events:
                 async for event in events:
                     self.state.apply(event)
-                    self._told += not event.data.transient
+                    self._emitted += not event.data.transient
                     for client in self._clients:
                         client.take(event)
                     if self._on_event is not None:
@@ -356,30 +358,31 @@ def open_station(
     log: Path | str | None = None,
     on_event: OnEvent | None = None,
 ) -> Station:
-    """Return a station on `site` for `async with`; it runs as long as that context lasts.
+    """Return a station on `site` for `async with`; it runs while that context lasts.
 
-    `approver` is asked about every plan, even one that may only be rejected or modified. It must
-    not block; it may return an awaitable instead of a Decision and then take its time. Nothing
-    moves before it has approved, and a plan whose approver fails is rejected.
+    `approver` is asked about every plan, even a plan that may only be rejected or modified. It must
+    not block; if it needs time, it may return an awaitable instead of a Decision. Nothing moves
+    before the approver has approved, and if the approver fails, the plan is rejected.
 
     `model` is the name of a catalogue model, the path of a GGUF file, or a model on a server,
     `openai:BASE_URL#NAME`. By default, it is the default model, which `pa-console models pull`
-    fetches. A model on a server plans as long as it answers; the default model judges and takes
-    over. A caller's own `engine`, which several stations may share or which answers from a script,
-    is used instead and is not closed.
+    fetches. A model on a server plans; the default model judges, and plans when the server does not
+    answer. If `engine` is given, it is used instead of `model` and is not closed; several stations
+    may share it.
 
     `fleet` is the fleet that the station drives, by default a simulation that begins with `seed`
-    and plays `scenario`, given by name or path. With `alarms`, alarms become missions
+    and plays `scenario`, given by name or path. If `alarms` is True, alarms become missions
     automatically; this is the default if a scenario is played. `rate` is the number of seconds on
-    the fleet's clock per second. By default, it is 1 for devices, while a simulation runs as fast
-    as it can and waits while a mission is being planned.
+    the fleet's clock per second of wall time. By default, it is 1 for devices, while a simulation
+    runs as fast as it can and waits while a mission is being planned.
 
-    `log` is the path of the signed session log, by default of a new file beside those of the
-    console. While the log cannot be written, nothing is approved. `on_event` is called with every
-    event once the log has it. The signing key of this machine is made on first use.
+    `log` is the path of the signed session log, by default that of a new file beside the console's
+    logs. While the log cannot be written, nothing is approved. `on_event` is called with every
+    event after the event is logged. The signing key of this machine is made on first use.
 
-    Raises ModelError if the model is missing, ValueError for an unknown scenario. Entering the
-    context raises LogError if the log cannot be opened, leaving it if records are lost.
+    Raises ModelError if the model is missing, and ValueError for an unknown scenario. Entering the
+    context raises LogError if the log cannot be opened; leaving it raises LogError if records were
+    lost.
     """
     played = open_scenario(site.world, site.world_path, scenario) if scenario else None
     at_once = rate is None and (fleet is None or isinstance(fleet, Simulated))
@@ -401,7 +404,7 @@ def open_station(
         load_signer(),
         path=Path(log) if log is not None else None,
         folder=default_folder(),
-        on_error=_told_by_the_station,
+        on_error=_ignore_unwritable_log,
     )
     return Station(inner, open_log, approver, on_event)
 
@@ -419,19 +422,19 @@ def _outcome(trace: MissionTrace) -> Outcome:
     )
 
 
-def _settle(end: asyncio.Future[Outcome], found: Outcome | Exception) -> None:
+def _settle(end: asyncio.Future[Outcome], result: Outcome | Exception) -> None:
     """Set the result of a waiting call, unless it has one already."""
     if end.done():
         return
-    if isinstance(found, Exception):
-        end.set_exception(found)
+    if isinstance(result, Exception):
+        end.set_exception(result)
     else:
-        end.set_result(found)
+        end.set_result(result)
 
 
-def _told_to_nobody(_: Exception) -> None:
+def _ignore_failed_request(_: Exception) -> None:
     """Ignore a failed request here: its client has received the error."""
 
 
-def _told_by_the_station(_: LogError) -> None:
+def _ignore_unwritable_log(_: LogError) -> None:
     """Ignore an unwritable log here: the station reports it and approves nothing."""

@@ -24,7 +24,7 @@ def rule_files(incomplete: str) -> list[str]:
 
 
 def scenarios(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the situations of the world on the line."""
+    """Return the situations of the given world that begin with `incomplete`."""
     from pa_console.sim.worlds.scenario_file import FOLDER  # noqa: PLC0415
 
     folder = _world_file(context).parent / FOLDER
@@ -32,7 +32,7 @@ def scenarios(context: typer.Context, incomplete: str) -> list[str]:
 
 
 def mission_sets(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the mission sets beside the world on the line."""
+    """Return the mission sets beside the given world that begin with `incomplete`."""
     from pa_console.evaluation.jobs import MISSION_SETS  # noqa: PLC0415
 
     folder = _world_file(context).parent / MISSION_SETS
@@ -67,7 +67,7 @@ def models(incomplete: str) -> list[str]:
 
 
 def sessions(incomplete: str) -> list[str]:
-    """Return the completions from `last` and the ids of the recorded sessions, the newest first."""
+    """Return the matches among `last` and the ids of the recorded sessions, the newest first."""
     from pa_console.schema.document import DocumentError  # noqa: PLC0415
     from pa_console.session.log.writer import default_folder  # noqa: PLC0415
     from pa_console.session.past_sessions import newest_logs  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""The program `pa-console`, which reports each failure of a verb in one line with an exit code."""
+"""The program `pa-console`; it reports a verb's failure in one line and with an exit code."""
 
 import contextlib
 import errno
@@ -20,8 +20,8 @@ INTERRUPTED = 130
 COLLECTED_AFTER = (20_000, 10, 5)
 """The thresholds of garbage collection.
 
-With Python's default of 700 allocations, a tenth of the start is spent on recent imports. A console
-that runs for days still needs collections, to remove closed screens.
+With Python's default of 700 allocations, collections during the imports take a tenth of the start.
+A console that runs for days still needs collections, because they remove closed screens.
 """
 
 REMEDIES = {
@@ -29,7 +29,7 @@ REMEDIES = {
     errno.EDQUOT: "; free some space on that disk",
     errno.EROFS: "; set XDG_STATE_HOME and XDG_CONFIG_HOME to writable folders",
 }
-"""The remedies for errors of the file system that are the same in all commands."""
+"""The remedies for errors of the file system, which are the same in all verbs."""
 
 app = typer.Typer(
     name="pa-console",
@@ -77,7 +77,7 @@ def _default(
 
 
 def _print_version(json: bool) -> None:
-    """Print the program's version, with `json` also the versions for a bug report."""
+    """Print the program's version; with `json`, also the other versions that a bug report needs."""
     if not json:
         typer.echo(f"pa-console {__version__}")
         return
@@ -142,7 +142,7 @@ def _explain(error: Exception) -> int:
 
 
 def _misused(error: typer.TyperException) -> int:
-    """Report an error in the command line, and the command that shows help; return the exit code.
+    """Report an error in the command line, and how to show help; return the exit code.
 
     A group without a command shows its help instead.
     """
@@ -163,10 +163,10 @@ def _fail(text: str, code: int) -> int:
 
 
 def _keep_traceback(error: Exception) -> str:
-    """Write the traceback of `error` to a file for a bug report; return the place in words."""
+    """Write the traceback of `error` to a file; return a request to report it with that file."""
     with contextlib.suppress(OSError):
         handle, path = tempfile.mkstemp(prefix="pa-console-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write("".join(traceback.format_exception(error)))
-        return f"please report it with {path}"
+        return f"please report it, and attach {path}"
     return "please report it"

@@ -1,4 +1,4 @@
-"""The options that several verbs share, with their help; the options of a session are one value."""
+"""The options that several verbs share, with their help; a session's options form a dataclass."""
 
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -30,7 +30,7 @@ RulesOption = Annotated[
 UnsignedOption = Annotated[
     bool,
     typer.Option(
-        "--unsigned", help="Accept rules that were changed after signing; the log records it."
+        "--unsigned", help="Accept rules that were changed after signing; the log records this."
     ),
 ]
 ModelOption = Annotated[
@@ -115,7 +115,7 @@ SchedulerOption = Annotated[
 
 
 def one_of(**given: bool) -> None:
-    """Raise ValueError if more than one of these options was given."""
+    """Raise ValueError if more than one of the options in `given` is True."""
     if sum(given.values()) > 1:
         names = [f"--{name}" for name in given]
         raise ValueError(f"give only one of {', '.join(names[:-1])} and {names[-1]}")
@@ -123,7 +123,7 @@ def one_of(**given: bool) -> None:
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """The options of every verb that opens a session; subclasses add options of a verb."""
+    """The options of every verb that opens a session; subclasses add those of single verbs."""
 
     world: WorldOption = "checkpoint"
     rules: RulesOption = "checkpoint"
@@ -180,7 +180,7 @@ class SessionOptions:
         typer.Option(
             "--accept-rules",
             help="Accept rules that are less trusted than those used before: unsigned, signed with "
-            "another key, or of a lower version. Log and reports record it.",
+            "another key, or of a lower version. The log and reports record this.",
         ),
     ] = False
     require_sandbox: Annotated[
@@ -272,8 +272,8 @@ class FollowOptions:
 def with_field_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """Return `verb` with an option for each `Annotated` field of its dataclass parameters.
 
-    Typer supports only single options. The result collects them, and calls `verb` with instances of
-    the dataclasses.
+    Typer supports only individual options, so the returned function collects them and calls `verb`
+    with instances of the dataclasses.
     """
     hints = get_type_hints(verb, include_extras=True)
     groups = {name: _field_options(kind) for name, kind in hints.items() if is_dataclass(kind)}

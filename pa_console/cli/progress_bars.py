@@ -35,14 +35,14 @@ class LiveBar:
 
 
 class TransientBar(LiveBar):
-    """A progress bar that is shown only on a terminal, and removed at the end.
+    """A progress bar that is shown only on a terminal, and is removed at the end.
 
-    It counts items or, with `of_bytes`, bytes. It writes to the stderr of its start, even if stderr
-    is captured later.
+    It counts items or, with `of_bytes`, bytes. It writes to the stderr that was in use when it was
+    created, even if stderr is captured later.
     """
 
-    def __init__(self, what: str, total: int | None = None, *, of_bytes: bool = False) -> None:
-        """Show `what` as the description; `total` is None if it is not known yet."""
+    def __init__(self, title: str, total: int | None = None, *, of_bytes: bool = False) -> None:
+        """Show `title` beside the bar; `total` is None if it is not known yet."""
         self._progress = Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=24),
@@ -55,7 +55,7 @@ class TransientBar(LiveBar):
             redirect_stderr=False,
             disable=not sys.stderr.isatty(),
         )
-        self._task = self._progress.add_task(what, total=total)
+        self._task = self._progress.add_task(title, total=total)
 
     def show(self, done: int, total: int) -> None:
         """Set the progress to `done` of `total`."""

@@ -1,4 +1,4 @@
-"""The user's settings for verbs, as defaults of their options and as a complete object."""
+"""The user's settings, as defaults of the verbs' options and as one object."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -10,11 +10,11 @@ from pa_console.settings.sources import LoadedSettings, load_settings
 WITHOUT = ("settings", "doctor")
 """The verbs that must work with an invalid settings file, because they repair it."""
 OBSERVED = ("traces", "metrics_port", "tak", "tak_origin", "tak_contacts")
-"""The options of a session for its observers."""
+"""The options of a session that concern its observers."""
 
 
 def read_assignments(words: Sequence[str]) -> dict[str, object]:
-    """Return the values of `--set NAME=VALUE`; raises ValueError for a word without `=`."""
+    """Return the values in `--set NAME=VALUE` by name; raises ValueError for a word without `=`."""
     given: dict[str, object] = {}
     for word in words:
         name, sign, value = word.partition("=")
@@ -41,12 +41,12 @@ def set_defaults(context: typer.Context, words: Sequence[str]) -> None:
 
 
 def given_words(context: typer.Context) -> list[str]:
-    """Return the words of `--set` as they were typed."""
+    """Return the values of `--set` as they were typed."""
     return list(context.find_root().params.get("assignments") or ())
 
 
 def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
-    """Return the settings, with the values of those options `names` that were typed."""
+    """Return the settings, overridden by the typed options among `names`."""
     typed = {
         name: context.params[name]
         for name in names
@@ -57,7 +57,7 @@ def settings_of(context: typer.Context, *names: str) -> LoadedSettings:
 
 
 def _defaults(loaded: LoadedSettings) -> dict[str, Any]:
-    """Return the settings in the form of default values, by verb and parameter."""
+    """Return the settings as default values, by verb and parameter."""
     values = loaded.values
     session = {
         "world": values.world,

@@ -1,4 +1,4 @@
-"""The whole trace of a mission as a Markdown document, in the order of the paper's eight steps."""
+"""The whole trace of a mission as a Markdown document, in the order of the mission's steps."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -65,7 +65,7 @@ def fenced(text: str, language: str = "text") -> str:
 
 
 def folded(summary: str, body: str) -> str:
-    """Return `body` as a folded part under the plain text `summary`."""
+    """Return `body` as a folded part with the plain text `summary` as its heading."""
     return f"<details>\n<summary>{escape(visible_line(summary))}</summary>\n\n{body}\n\n</details>"
 
 
@@ -95,7 +95,7 @@ def mission_document(
 
 
 def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
-    """Yield the camera stills that were last shown with each plan."""
+    """Yield, for each plan, the camera still that was last shown with it."""
     if trace.stills:
         yield "## Stills"
     for number, still in trace.stills.items():
@@ -109,7 +109,7 @@ def _stills(trace: MissionTrace, folder: str) -> Iterator[str]:
 
 
 def _standing(trace: MissionTrace) -> str:
-    """Return a line with the end of the mission, or one that it is not finished."""
+    """Return a line that states how the mission ended, or that it is not finished."""
     mark, *rest = (span.text for span in progress(trace))
     if trace.status is None:
         return f"**Not finished:** {inline(mark)}"
@@ -179,7 +179,7 @@ def _joined(spans: Spans) -> str:
 
 
 def _table(given: TraceTable) -> str:
-    """Return a table of the columns that have a head and a value."""
+    """Return a table of those columns that have a head and at least one value."""
     shown = [
         place
         for place, column in enumerate(given.columns)

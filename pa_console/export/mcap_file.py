@@ -154,7 +154,7 @@ def world_scene(world: World, stamp_ns: int) -> SceneUpdate:
 
 
 def picture_scene(picture: Picture, before: frozenset[str], stamp_ns: int) -> SceneUpdate:
-    """Return the assets and tracks of a picture, with deletions of other entities in `before`."""
+    """Return the assets and tracks of a picture, and delete all other entities in `before`."""
     stamp = time_of(stamp_ns)
     entities = [_asset(asset, stamp) for asset in picture.assets.values()]
     entities += [_track(track, stamp) for track in picture.tracks.values()]
@@ -221,7 +221,7 @@ def event_schema(payload: type[Payload]) -> Schema:
 
 
 def _resolved(schema: Schema) -> Schema:
-    """Replace every reference, because viewers that plot a field by its path do not follow them."""
+    """Replace every reference, because viewers that plot a field by path follow no references."""
     definitions: Schema = schema.pop("$defs", {})
 
     def put(node: Any) -> Any:
@@ -260,8 +260,8 @@ def write_mcap(
 ) -> int:
     """Write `session` to `target` and return the number of messages.
 
-    `advance` is called with the number of further events written. Without `world`, the scene has no
-    ground. Raises ValueError if the `mcap` package is not installed.
+    `advance` is called with the number of events written since its last call. Without `world`, the
+    scene has no ground. Raises ValueError if the `mcap` package is not installed.
     """
     try:
         from mcap.writer import Writer  # noqa: PLC0415 - an extra, see NEEDED
@@ -319,7 +319,7 @@ class Channels:
         self._write(topic, event, stamp, sequence)
 
     def add(self, topic: str, name: str, message: BaseModel, stamp: int, sequence: int = 0) -> None:
-        """Add a message, whose model defines the schema called `name`."""
+        """Add a message; its model defines the schema, which is called `name`."""
         if topic not in self._ids:
             self._register(topic, name, model_schema(type(message)))
         self._write(topic, message, stamp, sequence)
@@ -350,7 +350,7 @@ def _new(state: SessionState, last: Notice | None) -> Iterator[Notice]:
 
 
 def _logged(notice: Notice, stamp: int) -> LogMessage:
-    """Return a notice as a message; one hidden from the operator has the debug level."""
+    """Return a notice as a message; a notice hidden from the operator has the debug level."""
     level = 1 if notice.hidden else _LEVELS[notice.level]
     at = time_of(stamp)
     return LogMessage(timestamp=at, level=level, message=notice.text, name=notice.subject)

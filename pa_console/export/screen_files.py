@@ -36,17 +36,17 @@ Size = tuple[int, int]
 DRAWN_LIMIT_S = 10.0
 """The longest wait for one drawing of the screen, in seconds."""
 QUIET_ROUNDS = 3
-"""The rounds of the event loop without a message after which no widget starts anything more."""
+"""The number of rounds of the event loop without a message after which the screen is settled."""
 JUST_BEFORE_S = 5e-7
-"""Half of the resolution of time stamps, which is a microsecond."""
+"""Half the resolution of time stamps in seconds; the resolution is a microsecond."""
 BEGIN = "\x1b[?25l\x1b[0m\x1b[2J"
 END = "\x1b[0m\x1b[?25h\r\n"
 QUIET_STEPS = 8
-"""The number of steps after which telemetry without another event is shown."""
+"""The number of steps after which telemetry is shown if there is no other event."""
 
 
 class TapeDriver(HeadlessDriver):
-    """A driver that keeps the terminal output instead of writing it."""
+    """A driver that collects the terminal output instead of writing it."""
 
     @property
     def is_headless(self) -> bool:
@@ -59,16 +59,16 @@ class TapeDriver(HeadlessDriver):
 
 
 class ChangedCompositor(Compositor):
-    """A compositor that renders only the widgets with changes, and emits the same output.
+    """A compositor that renders only the widgets with changes; the output is the same.
 
-    Textual's own renders every widget in the rectangle around all changes, which in a replay is
-    nearly always the whole screen.
+    Textual's own compositor renders every widget in the rectangle around all changes. In a replay,
+    that is nearly always the whole screen.
     """
 
     def render_partial_update(self) -> ChopsUpdate | None:
         """Render the changed regions."""
         widgets, _ = self.visible_widgets, self.cuts  # cuts need all widgets
-        # A widget that begins where a change ends counts, because the cursor is moved there.
+        # A widget that begins where a change ends is included, because the cursor moves there.
         changed = [Region(x, y, width + 1, height) for x, y, width, height in self._dirty_regions]
         self._visible_widgets = {
             widget: (region, clip)
@@ -82,7 +82,7 @@ class ChangedCompositor(Compositor):
 
 
 class ShotRecordingScreen(RecordingScreen):
-    """A recording screen that the exporter moves."""
+    """A recording screen whose player the exporter moves."""
 
     shown: int | None = None
     """The number of events that had been played at the last painting."""
@@ -90,7 +90,7 @@ class ShotRecordingScreen(RecordingScreen):
     """True once only the exporter decides when something is painted."""
 
     def __init__(self, *shown: Any) -> None:
-        """Pass the recording that is `shown` to the screen."""
+        """Pass the arguments `shown` on to the recording screen."""
         super().__init__(*shown)
         self._compositor = ChangedCompositor()
 
@@ -119,7 +119,7 @@ class ShotRecordingScreen(RecordingScreen):
 
 
 class ShotApp(ConsoleApp):
-    """The replay console on a tape; its clock is stopped, so that nothing moves by itself."""
+    """The replay console with its output on a tape; its clock is stopped, so nothing moves."""
 
     CSS_PATH = Path(pa_console.tui.__path__[0]) / "console.tcss"
 
@@ -141,7 +141,7 @@ class ShotApp(ConsoleApp):
         return TapeDriver
 
     def show_session(self) -> None:
-        """Show the recording on the screen that the exporter moves."""
+        """Show the recording on a `ShotRecordingScreen`."""
         session, rules = self.session, self.controllers.rules.texts
         assert session.player is not None
         self.recording_screen = ShotRecordingScreen(
@@ -157,13 +157,13 @@ class ReplayedScreen:
     def __init__(self, app: ShotApp, pilot: Pilot[object], player: Player) -> None:
         self._app, self._pilot = app, pilot
         self._pumps: tuple[MessagePump, ...] = (app,)
-        """The app, the screen and its widgets, as they were last found."""
+        """The app, the screen and its widgets, as of the last search for them."""
         self.player = player
 
     async def show(self) -> None:
         """Paint the present state of the player.
 
-        A console that has failed is not waited for, because it no longer paints.
+        The wait for a console that has failed is limited, because it no longer paints.
         """
         screen = self._app.recording_screen
         if screen is None:
@@ -179,7 +179,7 @@ class ReplayedScreen:
                     screen.paint()
 
     async def _settled(self, screen: ShotRecordingScreen) -> None:
-        """Wait until no widget has anything left to do."""
+        """Wait until no widget has a message left to process."""
         quiet = 0
         while quiet < QUIET_ROUNDS:
             await asyncio.sleep(0)
@@ -240,12 +240,12 @@ KINDS = tuple(
         if issubclass(payload, Payload) and not payload.transient
     )
 )
-"""The kinds of events in a log."""
+"""The kinds of events that a log may contain."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """The time of a screenshot and its reason; with `index`, it is taken after that event."""
+    """The time of a screenshot, its name, and the index of the event after which it is taken."""
 
     seconds: float
     name: str
@@ -297,9 +297,9 @@ async def take(
 
 
 def positions(recording: Recording, first: float, last: float, step: float) -> list[float]:
-    """Return the times to show, in seconds, `step` apart, without those that have no new event.
+    """Return the times to show, in seconds, `step` apart; times without a new event are left out.
 
-    While only telemetry arrives, they are `QUIET_STEPS` times as far apart.
+    While only telemetry arrives, the times are `QUIET_STEPS` steps apart.
     """
     shown, timeline = [first], recording.timeline
     shown_count, since = timeline.count_until(first), 0
@@ -321,7 +321,7 @@ class CastWriter:
     def __init__(
         self, target: BinaryIO, size: Size, speed: float, advance: Callable[[int], None]
     ) -> None:
-        """Play `speed` recorded seconds in a second; `advance` is called after every shot."""
+        """Play `speed` recorded seconds per second; `advance` is called after every frame."""
         self._target, self._size = target, size
         self._speed, self._advance = speed, advance
 
@@ -339,7 +339,7 @@ class CastWriter:
         self._write(header)
 
     async def shoot(self, screen: ReplayedScreen, shown: list[float]) -> None:
-        """Write a frame for each of the positions, and a marker for each new mission."""
+        """Write a frame for each position in `shown`, and a marker for each new mission."""
         screen.player.rate = self._speed
         done = screen.player.recording.timeline.count_until(shown[0])
         screen.player.seek(shown[0])
@@ -364,7 +364,7 @@ class CastWriter:
 
 
 def _arrivals(recording: Recording, span: range) -> Iterator[str]:
-    """Yield id and text of every new mission in the events of `span`."""
+    """Yield the id and the text of every new mission in the events of `span`."""
     for index in span:
         if recording.of_mission(index):
             data = recording[index].data

@@ -41,7 +41,7 @@ class _Shift:
     open: dict[str, _AlarmRow] = field(default_factory=dict[str, _AlarmRow])
 
     def end_of(self, mission: str) -> tuple[str, str]:
-        """Return the time and status with which a mission ended, and the reason."""
+        """Return the time and status with which a mission ended (or `open`), and the reason."""
         return self.ended.get(mission, ("open", ""))
 
     def take(self, event: ev.Event) -> None:
@@ -137,7 +137,7 @@ def _summary(session: OpenedSession, state: SessionState, shift: _Shift, first: 
 
 
 def _left_open(state: SessionState) -> list[Row]:
-    """Return the open items that the next shift has to know."""
+    """Return the open items that the next shift has to know about."""
     picture = state.picture
     gates = picture.gates if picture is not None else {}
     assets = picture.assets.values() if picture is not None else ()

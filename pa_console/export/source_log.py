@@ -1,4 +1,8 @@
-"""The input of an export, a session log with its rules and world, and its complete output."""
+"""The input and the output of exports.
+
+The input is a session log with its rules and its world; an output is written completely or not at
+all.
+"""
 
 import os
 import shutil
@@ -83,7 +87,11 @@ class OpenedSession:
 
 
 def open_session(log: Path) -> OpenedSession:
-    """Read `log` up to its first bad line; raise ValueError or LogError without a start event."""
+    """Read `log` up to its first bad line.
+
+    Raises ValueError if there is no such file, and LogError if its first line is not the start
+    of a session.
+    """
     if not log.is_file():
         raise ValueError(f"{log}: there is no such log")
     recording = Recording.read(log)
@@ -93,8 +101,8 @@ def open_session(log: Path) -> OpenedSession:
 def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule], str]:
     """Return the session's rules by id, and a note if they are missing or have changed.
 
-    If they are not installed here, the mapping is empty. Raises DocumentError if the file that was
-    `given` or found cannot be read.
+    If the rules are not installed here, the mapping is empty. Raises DocumentError if the file of
+    the rules, `given` or installed, cannot be read.
     """
     name = given or started.rules
     path = find_data("rules", name, "rules.yaml")
@@ -107,7 +115,7 @@ def rules_of(started: SessionStarted, given: str | None) -> tuple[dict[str, Rule
 
 
 def world_of(started: SessionStarted, given: str | None) -> World | None:
-    """Return the session's world, None if none is `given` and it is not installed here."""
+    """Return the session's world, `given` or installed; None if there is neither."""
     name = given or started.world
     if given is None and not find_data("worlds", name, "world.yaml").is_file():
         return None
@@ -117,7 +125,7 @@ def world_of(started: SessionStarted, given: str | None) -> World | None:
 def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Site:
     """Return the world and rules for screenshots of a session, by default the session's own.
 
-    Raises ValueError if they are not installed here, DocumentError if they cannot be read.
+    Raises ValueError if they are not installed here, and DocumentError if they cannot be read.
     """
     for kind, file, name, given in (
         ("worlds", "world.yaml", started.world, world),
@@ -134,7 +142,7 @@ def site_of(started: SessionStarted, world: str | None, rules: str | None) -> Si
 def choose_mission(missions: Mapping[str, MissionTrace], wanted: str) -> MissionTrace:
     """Return the mission whose id is `wanted` or begins with it.
 
-    Raises ValueError, which lists the known missions, if there is none or more than one.
+    Raises ValueError, with the session's missions, if no mission fits or more than one.
     """
     if not missions:
         raise ValueError("the session has no mission")

@@ -18,13 +18,13 @@ from typing import Any, Protocol
 from apprise import Apprise, AppriseAsset
 
 SEND_S = 10.0
-"""The longest time of one try, in seconds."""
+"""The longest duration of one try, in seconds."""
 TRIES_AFTER_S = (0.0, 5.0, 30.0)
-"""The seconds before each try to deliver one message."""
+"""The wait in seconds before each try to deliver a message."""
 MOST_WAITING = 20
-"""The most messages that wait for a slow receiver; later ones are dropped for it."""
+"""The largest number of messages that wait for a slow receiver; further messages are dropped."""
 MOST_HANGING = 3
-"""The most tries that may hang at once; another one starts only after one of them has ended."""
+"""The largest number of tries that may hang at once; further tries fail until one has ended."""
 LEAVE_S = 2.0
 """The longest wait for messages under way at the end of a session, in seconds."""
 
@@ -34,11 +34,11 @@ _log.propagate = False  # the messages of the library contain addresses
 
 
 class Letter(Protocol):
-    """A message as it is delivered."""
+    """A message to deliver."""
 
     @property
     def title(self) -> str:
-        """The first line."""
+        """The first line of the message."""
         ...
 
     @property
@@ -48,13 +48,13 @@ class Letter(Protocol):
 
     @property
     def later(self) -> bool:
-        """True if it also goes to the later receivers."""
+        """True if the message also goes to receivers that get only reminders."""
         ...
 
 
 @dataclass
 class Receiver:
-    """One address; `name` is safe to show, and a `later` receiver gets only reminders."""
+    """The receiver at one address; `name` has no secrets, and `later` means reminders only."""
 
     name: str
     later: bool
@@ -63,20 +63,20 @@ class Receiver:
 
     @classmethod
     def parse(cls, address: str, number: int, *, later: bool = False) -> "Receiver":
-        """Return the receiver at an address; raises ValueError, whose text omits the address."""
+        """Return the receiver at an address; raises ValueError with a text without the address."""
         service = Apprise(asset=AppriseAsset(async_mode=False, app_id="PA Console"))
         if not service.add(address):
             scheme = re.match(r"[a-z]{2,12}(?=://)", address)
             raise ValueError(
                 f"alert receiver {number} ({scheme[0] if scheme else 'without a service'}://...) "
-                "has no address that Apprise knows; give one such as mailtos://USER:PASSWORD@HOST "
-                "or ntfys://HOST/TOPIC"
+                "has no address that Apprise supports; use an address such as "
+                "mailtos://USER:PASSWORD@HOST or ntfys://HOST/TOPIC"
             )
         [plugin] = service
         return cls(f"receiver {number} ({plugin.service_name!s})", later, service)
 
     def try_once(self, letter: Letter, limit_s: float = SEND_S) -> str:
-        """Deliver a message within `limit_s` seconds; return why that failed, '' if it did not."""
+        """Deliver a message within `limit_s` seconds; return why that failed, '' if it worked."""
         self._hanging = [thread for thread in self._hanging if thread.is_alive()]
         if len(self._hanging) >= MOST_HANGING:
             return f"{MOST_HANGING} earlier tries still hang"
@@ -107,14 +107,14 @@ def receivers(now: Sequence[str], later: Sequence[str] = ()) -> list[Receiver]:
 
 
 def try_all(to: Sequence[Receiver], letter: Letter) -> dict[str, str]:
-    """Deliver a message to all at once; return the reason of each failure by name, '' for none."""
+    """Deliver a message to all receivers at once; return by name why each failed, or ''."""
     with ThreadPoolExecutor(len(to)) as trying:
         tries = {receiver.name: trying.submit(receiver.try_once, letter) for receiver in to}
     return {name: tried.result() for name, tried in tries.items()}
 
 
 class AlertDelivery:
-    """Delivery to several receivers, each in its own thread so that none waits for another.
+    """Delivery to several receivers, each in its own thread, so that none delays another.
 
     `give` and `news` return at once.
     """
@@ -143,7 +143,7 @@ class AlertDelivery:
                 try:
                     queue.put_nowait(message)
                 except Full:
-                    self._news.append(f"{receiver.name} not told: too many alerts wait for it")
+                    self._news.append(f"{receiver.name} not alerted: too many alerts wait for it")
 
     def news(self) -> Sequence[str]:
         """Return the results of deliveries since the last call, one line each."""
@@ -176,5 +176,5 @@ class AlertDelivery:
                 why = receiver.try_once(letter, self._limit_s)
                 if not why:
                     break
-            line = f"told: {letter.title}" if not why else f"not told, {why}: {letter.title}"
-            self._news.append(f"{receiver.name} {line}")
+            result = f"not alerted, {why}" if why else "alerted"
+            self._news.append(f"{receiver.name} {result}: {letter.title}")

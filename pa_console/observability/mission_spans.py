@@ -1,4 +1,4 @@
-"""OpenTelemetry spans of a session's events: one trace for a mission, one span for a step.
+"""OpenTelemetry spans made from a session's events: a trace for each mission, a span for each step.
 
 A span has the times of its events, so it is as exact as the log even if it is made later. Only
 `opentelemetry-api` is required here.
@@ -33,7 +33,7 @@ Step = Literal[
     "outcome",
     "report",
 ]
-"""The names of spans, each for a part of one of a mission's steps."""
+"""The names of spans; each span is a part of a step of a mission."""
 
 NUMBERS: dict[Step, int] = {
     "intake": 1,
@@ -51,12 +51,12 @@ NUMBERS: dict[Step, int] = {
     "outcome": 9,
     "report": 10,
 }
-"""The number of the mission's step for each span; the judge's prompt belongs to the judge's."""
+"""The number of the mission's step for each span; the judge's prompt is in the judge's step."""
 
 MISSION = "mission"
 """The name of the span of a whole mission."""
 MISSIONS_KEPT = 64
-"""The number of finished missions kept for verdicts on outcomes that come later."""
+"""The number of finished missions that are kept for later verdicts on their outcomes."""
 
 Attributes = Mapping[str, AttributeValue]
 
@@ -72,10 +72,10 @@ class _MissionSpan:
 
 
 class MissionSpans:
-    """The spans of a session's missions, made by `tracer`; `take` must get every event, in order.
+    """The spans of a session's missions, made by `tracer`; call `take` with every event, in order.
 
-    Attributes are numbers and the names of rules, assets and frames. Without `words`, texts of
-    operators and models and the names of people are left out.
+    Attributes are numbers and the names of rules, assets and frames. Unless `words` is True, the
+    texts of operators and models and the names of people are left out.
     """
 
     def __init__(self, tracer: Tracer, *, words: bool = False) -> None:
@@ -84,7 +84,7 @@ class MissionSpans:
         self._missions: OrderedDict[str, _MissionSpan] = OrderedDict()
 
     def take(self, event: ev.Event) -> None:
-        """Process one event; an event of an unknown mission makes no span."""
+        """Process one event; an event of an unknown mission is ignored."""
         match event.data:
             case ev.SessionStarted():
                 self._begin_session(event.data)

@@ -38,9 +38,9 @@ CLOSES_WITHIN_S = 0.1
 
 
 class SessionMetrics:
-    """The metrics of one session, in their own `registry`; `take` must get every event.
+    """The metrics of one session, in a separate `registry`; call `take` with every event.
 
-    Labels are rules, kinds and outcomes, never a text of the operator, so their number is bounded.
+    Labels are rules, kinds and outcomes, never texts of operators, so their number is bounded.
     """
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class SessionMetrics:
         )
         self._decisions = histogram(
             "pa_console_decision_seconds",
-            "Seconds from a plan being shown to the decision on it that was accepted.",
+            "Seconds from showing a plan to the accepted decision on it.",
             ["decision"],
             buckets=DECISION_S,
         )
@@ -65,17 +65,17 @@ class SessionMetrics:
         )
         self._refusals = counter(
             "pa_console_refusals",
-            "Times that a rule kept a plan, or a mission before any plan, from being approved.",
+            "Times that a rule blocked the approval of a plan, or a mission before planning.",
             ["rule"],
         )
         self._kept_back = counter(
-            "pa_console_commands_refused", "Commands kept back at the last gate."
+            "pa_console_commands_refused", "Commands refused at the command gate."
         )
         self._sent = counter("pa_console_commands_sent", "Commands sent to assets.", ["command"])
-        self._queue = gauge("pa_console_queue_length", "Missions that wait.")
+        self._queue = gauge("pa_console_queue_length", "Waiting missions.")
         self._alarms = counter("pa_console_alarms", "Alarms that were raised.", ["kind"])
-        self._open = gauge("pa_console_open_alarms", "Alarms that are open.", ["priority"])
-        self._stopped = gauge("pa_console_stopped", "1 while everything is stopped.")
+        self._open = gauge("pa_console_open_alarms", "Open alarms.", ["priority"])
+        self._stopped = gauge("pa_console_stopped", "1 while all assets are stopped.")
         self._waits = gauge("pa_console_plan_waits", "1 while a plan waits for a decision.")
         self._ready = gauge("pa_console_worker_ready", "1 while the model's worker is ready.")
         self._restarts = counter(
@@ -190,7 +190,7 @@ def _taken(data: ev.EventPayload) -> tuple[Step, float] | None:
 
 
 class MetricsServer:
-    """A server of `registry` as Prometheus text at `/metrics`, only for this machine.
+    """A server of `registry` as Prometheus text at `/metrics`, for this machine only.
 
     It listens on loopback and answers only requests to loopback's names, so that a web page whose
     host name resolves to this machine cannot read the metrics.

@@ -15,7 +15,7 @@ from opentelemetry.sdk.trace.export import BatchSpanProcessor, SpanExporter
 from opentelemetry.trace import Tracer
 
 SEND_S = 3.0
-"""The longest time of one delivery with its retries, in seconds."""
+"""The longest duration of one delivery with its retries, in seconds."""
 LEAVE_S = 2.0
 """The longest wait for the last spans at the end of a session, in seconds."""
 PATH = "/v1/traces"
@@ -25,14 +25,14 @@ _LIBRARY = "opentelemetry"
 class SpanExport:
     """A `tracer` whose spans go to the collector at `endpoint` while the context lasts.
 
-    With a slow or absent collector, spans are lost but the session is not delayed: a full queue
-    drops spans, and `problem` reports it.
+    If the collector is slow or absent, spans are lost, but the session is not delayed: a full queue
+    drops spans, and `problem` reports this.
     """
 
     def __init__(self, endpoint: str, version: str, exporter: SpanExporter | None = None) -> None:
         """Export to `endpoint`, a base address or a complete one; `version` is the program's.
 
-        An `exporter` replaces OTLP.
+        If `exporter` is given, it is used instead of OTLP.
         """
         self._endpoint = endpoint if urlsplit(endpoint).path.strip("/") else _joined(endpoint)
         self._log = _LastProblem()
@@ -64,7 +64,7 @@ class SpanExport:
         leaving.start()
         leaving.join(LEAVE_S)
         if leaving.is_alive():  # keep the handler: later messages must not reach the screen
-            self._log.last = self._log.last or "the last spans were not taken in time"
+            self._log.last = self._log.last or "the collector did not accept the last spans in time"
             return
         library = logging.getLogger(_LIBRARY)
         library.removeHandler(self._log)
@@ -72,7 +72,7 @@ class SpanExport:
 
 
 class _LastProblem(logging.Handler):
-    """A handler that keeps the library's messages off the screen; `last` is the latest one."""
+    """A handler that keeps the library's messages off the screen; `last` is the latest message."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)

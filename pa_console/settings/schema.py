@@ -1,4 +1,4 @@
-"""The schema of all settings, on which the file, the settings screen and the help are based."""
+"""The schema of all settings; the file, the settings screen and the help are based on it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -61,17 +61,17 @@ KEYS_FORM = (
 
 
 def _shown(group: str, title: str, *, restart: bool = True, form: str = "", **limits: Any) -> Any:
-    """Return a field's properties on the screen; the text after them is its help.
+    """Return a field's properties for the screen; the string that follows them is the field's help.
 
-    `restart` is True if a change needs a restart, and `form` shows the form of a value that is more
-    than one word or number. `limits` are those of pydantic's Field.
+    `restart` is True if a change takes effect only after a restart. `form` shows the form of a
+    value that is more than one word or number. `limits` are passed to pydantic's Field.
     """
     extra: dict[str, Any] = {"group": group, "restart": restart, "form": form}
     return Field(title=title, json_schema_extra=extra, **limits)
 
 
 class Settings(BaseModel):
-    """The settings in force; `sources` merges their origins, so that each can be named."""
+    """The settings in force; the module `sources` merges them and keeps the origin of each."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -79,19 +79,19 @@ class Settings(BaseModel):
         str,
         _shown("Session", "Model"),
         "The model that plans and judges: a name in the catalogue, or the path of a GGUF file. "
-        "Empty is the catalogue's default. With a model on a server, openai:BASE_URL#NAME, the "
+        "Empty means the catalogue's default. With a model on a server, openai:BASE_URL#NAME, the "
         "server plans; the default model judges, and replaces an unreachable server.",
     ] = ""
     second_reader: Annotated[
         str,
         _shown("Session", "Second reader"),
-        "The model that reads an order again if the first is unsure. Empty is the model's "
-        "companion, if it is downloaded; off is none. It may be on a server.",
+        "The model, here or on a server, that reads an order again if the first model is unsure. "
+        "Empty means the first model's companion, if it is downloaded; off means none.",
     ] = ""
     judge_server: Annotated[
         str,
         _shown("Session", "Judge's server"),
-        "A model on a server that judges, openai:BASE_URL#NAME. Empty: the local model judges.",
+        "A model on a server that judges, openai:BASE_URL#NAME. If empty, the local model judges.",
     ] = ""
     server_patience_s: Annotated[
         float,
@@ -107,7 +107,7 @@ class Settings(BaseModel):
         bool,
         _shown("Session", "Confined model only"),
         "Whether to refuse a session on a system that cannot confine the model's process; "
-        "`doctor` tests that.",
+        "`doctor` tests whether it can.",
     ] = False
     live_reading: Annotated[
         bool,
@@ -150,7 +150,7 @@ class Settings(BaseModel):
         float,
         _shown("Approval and alarms", "Alert again after", ge=0.0, le=240.0),
         "Minutes without a response after which an alarm or a waiting plan is sent again, also to "
-        "`--alert-later`; the interval then doubles each time. 0 is never.",
+        "`--alert-later`; the interval then doubles each time. 0 means never.",
     ] = 5.0
     check_deadline_ms: Annotated[
         float,
@@ -167,8 +167,8 @@ class Settings(BaseModel):
     moment_grace_s: Annotated[
         float,
         _shown("Approval and alarms", "A timed order may be late", ge=1.0, le=3600.0),
-        "Seconds that a timed order may start late. If it would be later, for example because the "
-        "machine slept, it does not start, and an event reports this.",
+        "Seconds by which a timed order may start late. If it would be later, for example because "
+        "the machine slept, it does not start, and an event reports this.",
     ] = 60.0
     shortest_interval_s: Annotated[
         float,
@@ -223,30 +223,31 @@ class Settings(BaseModel):
     logs: Annotated[
         WholePath | None,
         _shown("Files", "Session logs"),
-        "The folder for session logs. Empty is the user's state folder.",
+        "The folder for session logs. Empty means the user's state folder.",
     ] = None
     cache: Annotated[
         WholePath | None,
         _shown("Files", "Models and cache"),
-        "The folder of downloaded models and other cached files. Empty is the user's cache folder.",
+        "The folder for downloaded models and other cached files. Empty means the user's cache "
+        "folder.",
     ] = None
     signing_key: Annotated[
         WholePath | None,
         _shown("Files", "Signing key"),
-        "The file of the key that signs session logs; it is made on first use. Empty is the "
-        "user's config folder.",
+        "The file of the key that signs session logs; it is made on first use. Empty means a file "
+        "in the user's config folder.",
     ] = None
     witness: Annotated[
         WitnessTarget,
         _shown("Files", "Witness of session logs"),
         "A file on another disk, or an address with http:// or https://, that receives the signed "
-        "heads of the session log every 10 s and at every decision. Empty is none.",
+        "heads of the session log every 10 s and at every decision. Empty means none.",
     ] = ""
     traces: Annotated[
         CollectorAddress,
         _shown("Observability", "Traces"),
         "The address of an OpenTelemetry collector, such as http://127.0.0.1:4318, that receives "
-        "every mission as a trace. Empty is none.",
+        "every mission as a trace. Empty means none.",
     ] = ""
     trace_words: Annotated[
         bool,
@@ -256,23 +257,24 @@ class Settings(BaseModel):
     metrics_port: Annotated[
         int,
         _shown("Observability", "Port of metrics", ge=0, le=65_535),
-        "The local port on which a session serves its metrics as Prometheus text. 0 is none.",
+        "The local port on which a session serves its metrics as Prometheus text. 0 means none.",
     ] = 0
     tak: Annotated[
         TakAddress,
         _shown("TAK maps", "TAK server"),
-        "The TAK server that shows every session, such as tls://tak.example:8089. Empty is none.",
+        "The TAK server that shows every session, such as tls://tak.example:8089. Empty means "
+        "none.",
     ] = ""
     tak_origin: Annotated[
         str,
         _shown("TAK maps", "Origin on the earth"),
-        "The position of (0, 0) of a world: LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty is the "
-        "origin in the world's file.",
+        "The position of a world's point (0, 0): LATITUDE,LONGITUDE[,BEARING[,ALTITUDE]]. Empty "
+        "means the origin in the world's file.",
     ] = ""
     tak_contacts: Annotated[
         bool | None,
         _shown("TAK maps", "Contacts from TAK", form="on or off"),
-        "Whether reports by others on the TAK server are shown as unverified contacts. Empty: "
+        "Whether reports by others on the TAK server are shown as unverified contacts. Empty means "
         "only if the server is reached over TLS or is on this machine.",
     ] = None
     tak_certificate: Annotated[
@@ -283,7 +285,7 @@ class Settings(BaseModel):
     tak_key: Annotated[
         WholePath | None,
         _shown("TAK maps", "Key for TAK"),
-        "The key of that certificate (PEM). Empty is the same file.",
+        "The key of the client certificate (PEM). Empty means that it is in the same file.",
     ] = None
     tak_authority: Annotated[
         WholePath | None,
@@ -346,7 +348,7 @@ def _limits(about: Mapping[str, Any]) -> str:
 
 
 def value_text(value: object) -> str:
-    """Return a value in the form in which a user types it; '' for None."""
+    """Return a value as a user types it; '' for None."""
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):

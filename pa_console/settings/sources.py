@@ -1,6 +1,6 @@
 """The settings from command line, environment, file and defaults, each with its origin.
 
-Changes of the file are atomic, concern one field at a time, and keep the comments.
+A change of the file is atomic, concerns one field, and keeps the comments.
 """
 
 import json
@@ -31,7 +31,7 @@ SECRET_VARIABLES = (
     f"{ENV_PREFIX}ALERT",
     f"{ENV_PREFIX}ALERT_LATER",
 )
-"""The variables with secrets, which are not settings and never in the settings file."""
+"""The variables with secrets. They are not settings, and never in the settings file."""
 EXPORTED = ("cache", "signing_key")
 """The settings that lower layers and child processes read from the environment."""
 HEAD = "# Settings of PA Console; `pa-console settings show` lists them all.\n"
@@ -58,8 +58,8 @@ def settings_file() -> Path:
 class LoadedSettings:
     """The settings in force, with their sources.
 
-    Values in `given` are from the command line. Those with names in `options` are from an option of
-    the verb, and all others from `--set`.
+    The values in `given` are from the command line: those named in `options` from the verb's
+    options, and all others from `--set`.
     """
 
     path: Path
@@ -87,7 +87,7 @@ class LoadedSettings:
         return SettingOrigin("default")
 
     def error(self, field: FieldPath, problem: str) -> DocumentError:
-        """Return the error about `field` with `problem`, at the origin of its value."""
+        """Return an error about `field` that names `problem` and the origin of the value."""
         origin = self.origin(str(field[0])) if field else SettingOrigin("file")
         if origin.source in ("command line", "environment"):
             rest = ".".join(map(str, field[1:]))
@@ -106,7 +106,7 @@ class LoadedSettings:
             os.environ[FILE_VARIABLE] = str(self.path.absolute())
 
     def with_options(self, given: Mapping[str, object]) -> "LoadedSettings":
-        """Return the settings with the values of a verb's own options."""
+        """Return the settings, overridden by `given`, the values of a verb's own options."""
         options = self.options | given.keys()
         return _merged(replace(self, given={**self.given, **given}, options=options))
 
@@ -118,14 +118,14 @@ class LoadedSettings:
 def load_settings(given: Mapping[str, object] | None = None) -> LoadedSettings:
     """Return the settings from `given` (the command line), environment, user's file and defaults.
 
-    Raises DocumentError with file and line, variable or option if a value is not valid.
+    Raises DocumentError if a value is not valid; it names the file and line, variable or option.
     """
     path = settings_file()
     return _merged(LoadedSettings(path, given or {}, _environment(), _read(path), Settings()))
 
 
 def default_settings() -> LoadedSettings:
-    """Return only the defaults, for use if the user's file is not valid."""
+    """Return the defaults alone, for use if the user's file is not valid."""
     return LoadedSettings(settings_file(), {}, {}, None, Settings())
 
 
@@ -148,7 +148,7 @@ def _mapping(document: Document | None) -> dict[str, object]:
 
 
 def _environment() -> dict[str, object]:
-    """Return the values of the PA_CONSOLE_... variables, in upper or lower case.
+    """Return the values of the PA_CONSOLE_... variables, whose names may be in any case.
 
     Empty variables are ignored. Raises DocumentError if the setting `keys` is not JSON.
     """
@@ -205,7 +205,7 @@ def _worded(field: FieldPath, problem: str, kind: str) -> str:
 
 
 def problem_text(message: str) -> str:
-    """Return a validator's message without the library's preamble."""
+    """Return a validator's message without the words that pydantic puts before it."""
     return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
 
 
@@ -256,7 +256,7 @@ def _edited(document: Document, text: str, name: str, value: object) -> str:
 
 
 def _end(node: yaml.Node) -> int:
-    """Return the end of a node's content, because a block's end mark includes later comments."""
+    """Return the index at which a node's content ends; a block's end mark includes comments."""
     if isinstance(node, yaml.CollectionNode) and node.value and not node.flow_style:
         last = node.value[-1]
         return _end(cast(yaml.Node, last[1] if isinstance(last, tuple) else last))

@@ -1,1 +1,1 @@
-"""The simulated checkpoint: world files, routes, motion, devices, tracks, link, telemetry."""
+"""The simulated checkpoint: world files, routes, motion, devices, tracks, links and telemetry."""

@@ -44,7 +44,7 @@ _ASSETS: dict[AssetKind, tuple[Place, float, Rgb]] = {
     "ugv": ((2.2, 1.4, 1.0), 0.0, (92, 104, 70)),
     "robot": ((0.8, 0.6, 1.2), 0.0, (214, 120, 32)),
 }
-"""Length, width and height of the team's assets, their height above ground, and their colour."""
+"""For each kind of asset: its length, width and height, its height above ground, its colour."""
 _FOG: dict[Weather, float] = {"clear": 0.0, "rain": 0.15, "fog": 0.5}
 
 
@@ -65,9 +65,9 @@ def look_of(contact: str, seed: int) -> Look:
 def still_of(
     terrain: Terrain, scene: Scene, seed: int, camera: str, track: str
 ) -> Callable[[], bytes] | None:
-    """Return a function that draws the present image of `track` as PNG, in any thread.
+    """Return a function, for any thread, that draws the present image of `track` as a PNG file.
 
-    Return None if `camera` does not work or there is no such track.
+    Returns None if `camera` does not work or there is no such track.
     """
     file = next((file for file in scene.sensing.files.values() if file.id == track), None)
     contact = scene.contacts.get(file.contact) if file is not None else None
@@ -106,7 +106,7 @@ def _drawn(
 
 
 class _Eye:
-    """A camera on its mast, aimed at a point; it projects places into the image."""
+    """A camera on its mast, aimed at a point; it projects positions into the image."""
 
     def __init__(self, at: Point, target: Point, across_m: float) -> None:
         self._at = at
@@ -116,20 +116,20 @@ class _Eye:
         self._cos, self._sin = math.cos(down), math.sin(down)
         self._focal = SIZE[0] * math.hypot(away, _MAST_M - _AIM_M) / across_m
         self.horizon = round(SIZE[1] / 2 - self._focal * math.tan(down))
-        """The row of the horizon; it may be above the image."""
+        """The row of pixels at the horizon; it may be above the image."""
 
     def depth(self, place: Place) -> float:
-        """Return the distance of a place along the viewing direction."""
+        """Return the distance from the camera to a position along the viewing direction."""
         east, north = place[0] - self._at[0], place[1] - self._at[1]
         along = east * self._ahead[0] + north * self._ahead[1]
         return along * self._cos + (_MAST_M - place[2]) * self._sin
 
     def depth_of(self, shape: "_Box | _Person") -> float:
-        """Return the distance of a shape's centre along the viewing direction."""
+        """Return the distance from the camera to a shape's centre along the viewing direction."""
         return self.depth((*shape.at, 0.0))
 
     def see(self, place: Place) -> tuple[float, float]:
-        """Return the pixel of a place in front of the camera."""
+        """Return the pixel of a position in front of the camera."""
         east, north = place[0] - self._at[0], place[1] - self._at[1]
         along = east * self._ahead[0] + north * self._ahead[1]
         right = east * self._ahead[1] - north * self._ahead[0]
@@ -138,7 +138,7 @@ class _Eye:
         return SIZE[0] / 2 + right * scale, SIZE[1] / 2 + below * scale
 
     def fill(self, canvas: "ImageDraw", corners: Sequence[Place], colour: Rgb) -> bool:
-        """Fill a face if all its corners are before the camera; return whether it was filled."""
+        """Fill a face if all its corners are in front of the camera; return whether they are."""
         if any(self.depth(corner) < _NEAREST_M for corner in corners):
             return False
         canvas.polygon([self.see(corner) for corner in corners], fill=colour)
@@ -146,7 +146,10 @@ class _Eye:
 
 
 class _Box(NamedTuple):
-    """A box, `base` metres up and turned to `heading`; `plate` is on its ends, `above` on top."""
+    """A box, turned to `heading`, with its bottom `base` metres above the ground.
+
+    Its ends show `plate`; the boxes `above` are on top of it.
+    """
 
     at: Point
     heading: float
@@ -239,7 +242,7 @@ def _shapes(terrain: Terrain, scene: Scene, seed: int) -> Iterator[_Box | _Perso
 
 
 def _vehicle(contact: ContactState, look: Look) -> _Box:
-    """Return the body and cabin; an emergency vehicle is white with a blue light."""
+    """Return a vehicle's body and cabin; an emergency vehicle is white and has a blue light."""
     colour = _COLOURS["white" if contact.emergency else look.colour]
     at, heading = contact.position, contact.heading
     above = [_Box(at, heading, (2.2, 1.6, 0.6), 1.2, (52, 64, 78))]
@@ -249,7 +252,7 @@ def _vehicle(contact: ContactState, look: Look) -> _Box:
 
 
 def _road(points: Sequence[Point], half_m: float = 3.5) -> Iterator[list[Place]]:
-    """Yield a lane in short strips, so that the part in front of the camera is drawn."""
+    """Yield a lane in short strips, so that those in front of the camera can be drawn."""
     for (x1, y1), (x2, y2) in pairwise(points):
         length = math.dist((x1, y1), (x2, y2)) or 1.0
         aside = -(y2 - y1) / length * half_m, (x2 - x1) / length * half_m

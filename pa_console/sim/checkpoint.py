@@ -1,4 +1,7 @@
-"""The simulated checkpoint: fixed step, seeded, forkable; independent of LLMs and rules."""
+"""The simulated checkpoint, which has fixed time steps and a seed, and can be forked.
+
+It depends on neither language models nor rules.
+"""
 
 import copy
 import random
@@ -33,11 +36,11 @@ LEAD_TICKS = 2
 
 
 class StepMessages(NamedTuple):
-    """The messages that reached the station in one step: reports by radio, detections by cable."""
+    """The messages that reached the station in one step: reports, and detections of cameras."""
 
     reports: tuple[Report, ...] = ()
     wired: Mapping[str, tuple[Detection, ...]] | None = None
-    """Detections by camera; None between two scans."""
+    """The detections of each camera; None in a step without a scan."""
 
 
 class Checkpoint:
@@ -58,7 +61,7 @@ class Checkpoint:
         self.reset(seed)
 
     def reset(self, seed: int) -> None:
-        """Start again at tick 0; equal seeds and equal inputs give equal histories."""
+        """Start again at tick 0; equal seeds and equal inputs lead to equal states."""
         self.seed = seed
         self._scene = Scene(rng=random.Random(seed))
         self._traffic: Traffic | None = None
@@ -118,8 +121,8 @@ class Checkpoint:
     def send(self, command: DeviceCommand) -> None:
         """Put `command` on the link; the device receives it at the next step and answers.
 
-        A command to an unknown agent is answered with `refused`; one to an agent without a link
-        gets no answer.
+        A command to an unknown agent is answered with `refused`; a command to an agent without a
+        link gets no answer.
         """
         radio.send_command(self._scene, command, self.world.dt_s)
 
@@ -150,8 +153,8 @@ class Checkpoint:
     def inject(self, incident: Incident) -> None:
         """Apply `incident` now; it appears in the picture once telemetry reports it.
 
-        Before the first step it is part of the set-up: the picture shows it as if it had long been
-        known. Raises ValueError, with the valid names, for an unknown asset, gate or frame, for a
+        An incident before the first step is part of the set-up, so the picture shows it from the
+        start. Raises ValueError, with the valid names, for an unknown asset, gate or frame, for a
         track at a gate without a lane, and for a frame without a free place.
         """
         incidents.apply(self._terrain, self._scene, incident)
@@ -160,7 +163,7 @@ class Checkpoint:
             self._show(station_side.begin(self._terrain, self._scene))
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as taken under manual control at the station, without delay."""
+        """Set the assets that the station records as under manual control; update the picture."""
         station = self._scene.station
         changed = station.manual ^ assets
         station.manual = assets
@@ -168,7 +171,7 @@ class Checkpoint:
             self._show(station_side.build(self._terrain, self._scene, changed))
 
     def picture(self) -> Picture:
-        """Return the picture from the last reports; it changes every `world.telemetry_period_s`."""
+        """Return the picture from the last reports; `world.telemetry_period_s` is its period."""
         if self._picture is None:
             assert self._draft is not None
             self._picture = self._draft.picture()
@@ -187,11 +190,11 @@ class Checkpoint:
         return truth.truth(self._terrain, self._scene)
 
     def true_contacts(self) -> tuple[TrueContact, ...]:
-        """Return the exact vehicles and persons, under ids that never change, for scorers."""
+        """Return the exact state of vehicles and persons, by ids that never change, for scorers."""
         return truth.true_contacts(self._terrain, self._scene)
 
     def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
-        """Return a function that draws the present image of `track` by `camera`, or None."""
+        """Return a function that draws the camera's image of `track`; None if there is no image."""
         return still_of(self._terrain, self._scene, self.seed, camera, track)
 
     def forecast(self) -> "Checkpoint":
@@ -200,7 +203,7 @@ class Checkpoint:
 
     @staticmethod
     def ahead_of(terrain: Terrain, picture: Picture) -> "Checkpoint":
-        """Return a simulation of `picture` on `terrain`; the picture may have any source."""
+        """Return a simulation of `picture` on `terrain`; the picture may come from any source."""
         twin = Checkpoint.__new__(Checkpoint)
         twin.world, twin.seed, twin.scenario = terrain.world, 0, None
         twin._happened, twin._skipped, twin.arrived = [], [], StepMessages()
@@ -216,7 +219,7 @@ class Checkpoint:
         return taken
 
     def take_skipped(self) -> list[str]:
-        """Return a sentence for each scenario incident since the last call that was impossible."""
+        """Return a sentence for each incident that could not happen since the last call."""
         taken, self._skipped = self._skipped, []
         return taken
 
@@ -230,7 +233,7 @@ class Checkpoint:
                 self._traffic = None
 
     def fork(self) -> "Checkpoint":
-        """Return an independent copy; with equal inputs it stays equal, contacts included."""
+        """Return an independent copy; with equal inputs, it stays equal to the original."""
         twin = copy.copy(self)
         twin.admit, twin._traffic = None, None
         twin._happened, twin._skipped = list(self._happened), list(self._skipped)

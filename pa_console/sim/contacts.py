@@ -15,7 +15,7 @@ from pa_console.sim.worlds.terrain import QUEUE_GAP_M, Terrain
 COMPLIES_AFTER_S = 2.0
 """Seconds that a contact waits after a warning before it leaves."""
 BUMPER_M = 3.0
-"""The distance at which a contact that ignores a warning passes ground assets, in metres."""
+"""The distance in metres at which a contact that ignores a warning passes ground assets."""
 _STOPPED_MPS = 0.05
 _ASIDE_DEG = (30, -30, 60, -60, 85, -85)
 Points = npt.NDArray[np.float64]
@@ -70,10 +70,10 @@ def pick_lane(terrain: Terrain, scene: Scene, gate: str) -> str:
 
 
 def turn(scene: Scene, incident: RevealTrack) -> None:
-    """Change the true properties of a contact that a script named; ignore one that has left.
+    """Change the true properties of a contact that a script named, unless it has left.
 
-    Sensors must watch it again before they can detect a changed intent. Raises ValueError if no
-    contact with this name was ever spawned.
+    Sensors must watch the contact again before they can detect a changed intent. Raises ValueError
+    if no contact with this name was ever spawned.
     """
     state = scene.sensing
     if incident.track not in state.named:
@@ -90,7 +90,7 @@ def turn(scene: Scene, incident: RevealTrack) -> None:
 
 
 def remove(scene: Scene, contact_id: str) -> None:
-    """Remove a contact from the true state, and the sensors' knowledge about it."""
+    """Remove a contact from the true state, with the sensors' findings about it."""
     state = scene.sensing
     del state.contacts[contact_id]
     state.watched = {key: n for key, n in state.watched.items() if key[1] != contact_id}
@@ -105,7 +105,7 @@ class _GroundAssets:
         self._at: Points | None = None
 
     def nears(self, here: Point, there: Point, keeps_m: float) -> bool:
-        """Return whether a move from `here` to `there` comes nearer than `keeps_m` to an asset.
+        """Return whether a move from `here` to `there` ends less than `keeps_m` from an asset.
 
         Moving away from an asset that is already too near is allowed.
         """
@@ -144,7 +144,8 @@ def advance(terrain: Terrain, scene: Scene, dt_s: float) -> None:
 def way_in(terrain: Terrain, gate: str) -> tuple[Point, ...]:
     """Return the waypoints from a gate's lane to the nearest post behind the gate, or to the base.
 
-    They lead through the gate and then along a ground asset's route, or straight if there is none.
+    They lead through the gate and then along a ground asset's route, or straight on if there is no
+    route.
     """
     world = terrain.world
     start = world.frames[gate].at
@@ -154,7 +155,7 @@ def way_in(terrain: Terrain, gate: str) -> tuple[Point, ...]:
 
 
 def _ground_way(terrain: Terrain, start: Point, goal: Point) -> tuple[Point, ...]:
-    """Return the waypoints of a ground asset's route after `start`; straight if there is none."""
+    """Return the waypoints of a ground asset's route after `start`, or only its end without one."""
     kinds: list[AssetKind] = [kind for kind in terrain.world.platforms if kind != "uav"]
     route = terrain.planner.route(kinds[0], start, goal) if kinds else None
     return route or (goal,)
@@ -232,7 +233,7 @@ def _approach(
 def _drive(
     terrain: Terrain, scene: Scene, contact: ContactState, ground: _GroundAssets, dt_s: float
 ) -> None:
-    """Drive on through the gate and inside; a blocked gate stops it, and it passes other assets."""
+    """Drive on through the gate and inside; stop at a blocked gate, and steer round assets."""
     gate_ahead = terrain.world.frames[contact.gate].at in contact.route
     if gate_ahead and gate_blocked(terrain, scene, contact.gate):
         contact.speed = 0.0
@@ -251,7 +252,7 @@ def _drive(
 def _pass_by(terrain: Terrain, contact: ContactState, ground: _GroundAssets, dt_s: float) -> None:
     """Steer round a ground asset; stop if there is no way past it.
 
-    A waypoint counts as reached if an asset stands near it, even the last one.
+    A waypoint near the contact, even the last one, counts as reached: an asset may stand on it.
     """
     here, step = contact.position, contact.cruise_mps * dt_s
     while contact.route and math.dist(here, contact.route[0]) <= BUMPER_M + step:

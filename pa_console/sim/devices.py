@@ -33,7 +33,10 @@ _REMEMBERED = 32
 IDENTIFY_S = 4.0
 WARN_S = 3.0
 Admit = Callable[[DeviceCommand], str]
-"""Returns why a device may not carry out a command, or ''; called once per command id."""
+"""A function that returns why a device may not carry out a command, or '' if it may.
+
+It is called once for each command id.
+"""
 Ending = tuple[Literal["done", "failed"] | None, str]
 
 
@@ -71,8 +74,8 @@ def accept(
 ) -> Iterator[CommandReply]:
     """Process a command as the device does, if `admit` allows it; yield the replies.
 
-    A command id is carried out once; if it arrives again, the last reply to it is repeated. A hold
-    is the exception: it stops an asset under way however often its id has arrived.
+    A command whose id has arrived before is not carried out again; the last reply to it is
+    repeated. The exception is a hold, which always stops an asset under way.
     """
     asset = scene.assets.get(command.agent)
     if asset is None:
@@ -108,10 +111,10 @@ def accept(
 
 
 def lose_link(terrain: Terrain, scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Act as the platform does without a link; yield the end of the command, for a later report.
+    """Act as the platform does without a link; yield the reply that ends the command.
 
-    An asset that holds stays at its post if it has no command; an asset that returns leaves its
-    post.
+    The reply is sent once the link is back. An asset that holds stays at its post if it has no
+    command; an asset that returns to base leaves its post.
     """
     returns = terrain.world.platforms[asset.kind].lost_link == "return_to_base"
     if asset.command is not None:
@@ -220,14 +223,14 @@ def drive_by_hand(terrain: Terrain, scene: Scene, asset: AssetState, frame: str 
 
 
 def let_go(terrain: Terrain, asset: AssetState) -> None:
-    """End manual control of `asset`; it holds, with the frame it is at, if any, as its post."""
+    """End manual control of `asset`; it stops, and its post is the frame that it is at, if any."""
     if asset.manual:
         asset.manual = False
         _stand(terrain, asset, "none" if asset.down else "idle")
 
 
 def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> str:
-    """Give the asset a place at `target` and a route to it; return why it has none, or ''."""
+    """Give the asset a place at `target` and a route to it; return why not, '' if it has both."""
     asset.dwell, asset.stalls, asset.announced = 0, 0, False
     asset.progress_tick = asset.nearest_tick = scene.tick
     asset.nearest_m, asset.held_by = math.inf, ""
@@ -255,20 +258,20 @@ def _set_out(terrain: Terrain, scene: Scene, asset: AssetState, target: str) -> 
 def _give_up(
     terrain: Terrain, scene: Scene, asset: AssetState, reason: str, task: Task = "idle"
 ) -> Iterator[CommandReply]:
-    """Stop the asset where it is; its command, if any, has failed."""
+    """Stop the asset where it is; if it has a command, the command fails."""
     _stand(terrain, asset, task)
     if asset.command is not None:
         yield _close(scene, asset, "failed", reason)
 
 
 def _stand(terrain: Terrain, asset: AssetState, task: Task) -> None:
-    """Stop the asset where it is, with the frame it is at, if any, as its post."""
+    """Stop the asset where it is; its post becomes the frame that it is at, if any."""
     asset.post = terrain.frame_at(asset.x, asset.y)
     asset.stop(task)
 
 
 def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
-    """Stop an asset that has just failed; its command fails too."""
+    """Stop an asset that has just failed; if it has a command, the command fails too."""
     if asset.route or asset.task != "none":
         asset.stop("none")
     if asset.command is not None:
@@ -277,7 +280,7 @@ def _break_down(scene: Scene, asset: AssetState) -> Iterator[CommandReply]:
 
 
 def _close(scene: Scene, asset: AssetState, status: ReplyStatus, detail: str) -> CommandReply:
-    """End the asset's command."""
+    """End the asset's command and return the reply."""
     assert asset.command is not None
     reply = _answer(scene, asset.command, status, detail)
     asset.command = None
@@ -295,18 +298,19 @@ def _answer(scene: Scene, command: DeviceCommand, status: ReplyStatus, detail: s
 
 
 def _remember(asset: AssetState, reply: CommandReply) -> CommandReply:
-    """Store the last reply per command id, for the latest ids only."""
+    """Store the last reply to each command id, for the latest ids only; return `reply`."""
     others = tuple(r for r in asset.answered if r.command_id != reply.command_id)
     asset.answered = (*others, reply)[-_REMEMBERED:]
     return reply
 
 
 def attend(terrain: Terrain, scene: Scene, asset: AssetState, verb: Verb, gate: str) -> Ending:
-    """Advance an `identify` or `warn` of an asset at `gate`; a status of None means not finished.
+    """Advance the command `identify` or `warn` of an asset at `gate`; return its status and reply.
 
-    It fails at once if no contact is there or on its way. It waits until the contact is within
-    sensor range, and then takes a few seconds. The result is the robot's own opinion: a hostile
-    intent needs another sensor to confirm it (ROE-01).
+    The status is None until the command ends. The command fails at once if no contact is at the
+    gate or on its way there. It waits until the contact is within sensor range, and then takes a
+    few seconds. The result is the robot's own opinion: a hostile intent needs another sensor to
+    confirm it (ROE-01).
     """
     contact = _choose(scene, asset, verb, gate)
     if contact is None:
@@ -347,9 +351,9 @@ def _note(scene: Scene, asset: AssetState, contact: ContactState, verb: str) -> 
 
 
 def _choose(scene: Scene, asset: AssetState, verb: str, gate: str) -> ContactState | None:
-    """Return the contact to deal with at `gate`: one that still needs it, then the nearest.
+    """Return the nearest contact at `gate` that still needs `verb`, or else the nearest contact.
 
-    A contact counts as identified if the station, which sent the command, has it as identified.
+    A contact counts as identified if the station, which sent the command, has identified it.
     """
     here = [c for c in scene.contacts.values() if c.gate == gate and c.status != "leaving"]
 

@@ -1,4 +1,4 @@
-"""A simulation rebuilt from a picture: the known state continued, without the truth.
+"""A simulation built from a picture, which continues the known state and does not use the truth.
 
 Messages take the world's latency and are never lost. Assets that cannot be relied on (failed,
 silent, stale, suspect) stand where they were last reported, cover nothing and answer nothing. An
@@ -32,7 +32,10 @@ from pa_console.sim.sensing_state import ContactState, Sighting, Statement, Trac
 from pa_console.sim.worlds.terrain import Terrain
 
 IDLE_REPORT_PERIODS = 20
-"""Telemetry periods between two reports of an idle asset, which changes only its battery."""
+"""The number of telemetry periods between two reports of an idle asset.
+
+Only the battery of an idle asset changes.
+"""
 _VERBS: dict[Task, Verb] = {
     "moving": "move_to",
     **{task: verb for verb in ADDRESSING if (task := COMMANDS[verb].task)},
@@ -40,7 +43,7 @@ _VERBS: dict[Task, Verb] = {
 }
 
 USUAL_MPS = 5.0
-"""The assumed speed of a contact of unknown speed once it moves."""
+"""The assumed speed, once it moves, of a contact whose speed is unknown."""
 
 
 def scene_of(terrain: Terrain, picture: Picture) -> Scene:
@@ -89,7 +92,7 @@ def report(terrain: Terrain, scene: Scene) -> station_side.Draft:
 
 
 def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> AssetState:
-    """Return the asset of a report; an asset that cannot be relied on is down for good."""
+    """Return the state of the asset in a report; an asset that cannot be relied on stays down."""
     radio = world.radio
     answers = report.available or (report.manual and station_side.is_sure(report))
     silent = not answers and report.status != "failed" and report.battery_pct > 0.0
@@ -130,7 +133,7 @@ def _asset(world: World, tick: int, index: int, report: AssetTelemetry) -> Asset
 
 
 def _restore(terrain: Terrain, scene: Scene, picture: Picture) -> None:
-    """Set tracks, cameras and weather of a forecast's `scene` from `picture`.
+    """Set the tracks, cameras and weather of a forecast's `scene` from `picture`.
 
     A contact stands or moves as last detected. An unknown identity is assumed to be unauthorized. A
     warned contact stops, unless it has already ignored its warning.

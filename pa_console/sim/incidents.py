@@ -1,4 +1,4 @@
-"""Incidents in a scene, from set-up, what-if questions or scenarios: timing and effects."""
+"""The effects of incidents on a scene, and the times of a scenario's incidents."""
 
 import math
 import random
@@ -47,7 +47,7 @@ _TIME_NOISE_S = 1e-9
 
 
 def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
-    """Apply `incident` to `scene`; raises ValueError with the known names for unknown ones."""
+    """Apply `incident` to `scene`; raises ValueError, with the known names, for an unknown name."""
     _, problem = unknown_name(incident, terrain.world)
     if problem:
         raise ValueError(problem)
@@ -85,7 +85,7 @@ def apply(terrain: Terrain, scene: Scene, incident: Incident) -> None:
 
 
 def place(terrain: Terrain, scene: Scene, asset: AssetState, frame: str) -> None:
-    """Place `asset` at a free place of `frame`, its new post; raises ValueError if it is full."""
+    """Move `asset` to a free place at `frame`, its new post; raises ValueError if there is none."""
     taken = [
         point
         for other in scene.assets.values()
@@ -107,9 +107,9 @@ def watch_task(terrain: Terrain, kind: str, frame: str) -> Task:
 
 
 def _restore(terrain: Terrain, asset: AssetState) -> None:
-    """Make the asset work again where it is, with a full battery if its own is empty.
+    """Make the asset work again where it is; an empty battery is replaced by a full one.
 
-    Its post becomes the frame it is at, if any.
+    The asset's post becomes the frame that it is at, if any.
     """
     was_down = asset.down
     asset.failed, asset.speed_factor = False, 1.0
@@ -129,7 +129,7 @@ def _carried(scene: Scene, name: str) -> None:
 
 
 def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
-    """Return the asset that an incident changes; the next step processes it."""
+    """Return the asset that an incident changes, and mark it for processing in the next step."""
     asset = scene.assets[name]
     rouse(terrain.world, scene, asset)
     return asset
@@ -138,7 +138,7 @@ def _asset(terrain: Terrain, scene: Scene, name: str) -> AssetState:
 def _apply_to_surroundings(terrain: Terrain, scene: Scene, incident: Incident) -> None:
     """Apply an incident about contacts, sensors, weather or the ground.
 
-    Raises ValueError with the known contacts for an unknown one.
+    Raises ValueError, with the names of the known contacts, for an unknown contact.
     """
     state = scene.sensing
     match incident:
@@ -177,7 +177,7 @@ def _clear(terrain: Terrain, scene: Scene, gate: str) -> None:
 
 
 def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
-    """Add a phantom that one sensor at `gate` reports: a working camera, else an asset."""
+    """Add a phantom that one sensor at `gate` reports: a working camera, or else an asset."""
     state = scene.sensing
     lane = contacts.pick_lane(terrain, scene, gate)
     watching = [name for name, camera in terrain.world.cameras.items() if camera.gate == gate]
@@ -191,7 +191,7 @@ def _imagine(terrain: Terrain, scene: Scene, gate: str, seconds: float) -> None:
 
 
 def _obstruct(terrain: Terrain, scene: Scene, incident: ObstructWay) -> None:
-    """Put an obstruction on the ground; assets notice it only when they are stuck near it.
+    """Put an obstruction on the ground; assets detect it only when they are stuck near it.
 
     Raises ValueError if it has no length or would lie on a ground asset.
     """
@@ -213,10 +213,10 @@ def begin(scenario: Scenario | None, seed: int) -> ScriptState:
 
 
 def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incident], list[str]]:
-    """Apply the events due at this tick; return them, and a sentence for each impossible one.
+    """Apply the events due at this tick; return them, and a sentence for each impossible event.
 
-    Scripted events come first, in file order, so that one may follow an earlier one in the same
-    tick.
+    Scripted events come first, in file order, so that an event may depend on an earlier event of
+    the same tick.
     """
     done: list[Incident] = []
     skipped: list[str] = []
@@ -254,7 +254,7 @@ def play(terrain: Terrain, scene: Scene, scenario: Scenario) -> tuple[list[Incid
 
 
 def _happen(terrain: Terrain, scene: Scene, incident: Incident) -> str:
-    """Apply `incident`; return why that is impossible now, or '' if it was done."""
+    """Apply `incident`; return why it is impossible now, or '' if it was applied."""
     if isinstance(incident, WorkerFault):
         return ""
     try:
@@ -273,7 +273,7 @@ def _draw_next(state: ScriptState, process: int, mean_s: float) -> None:
 
 
 def _gap(seed: int, process: int, number: int, mean_s: float) -> float:
-    """Return the seconds between two events of a process, independent of all other draws."""
+    """Draw the seconds between two events of a process, independently of all other draws."""
     return random.Random(f"{seed}/{process}/{number}/gap").expovariate(1.0 / mean_s)
 
 
@@ -297,7 +297,7 @@ def _holds(
 
 
 def _track_is(scene: Scene, when: TrackIs) -> bool:
-    """Compare with the true state of a contact, and with the station's track of it."""
+    """Return whether a condition holds for a contact's true state and the station's track of it."""
     sensing = scene.sensing
     if when.track not in sensing.named:
         return False
@@ -321,7 +321,7 @@ def _track_is(scene: Scene, when: TrackIs) -> bool:
 
 
 def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
-    """Compare with the true state of an asset; only `silent` depends on received reports."""
+    """Return whether a condition holds for an asset's true state, or for its reports (`silent`)."""
     asset = scene.assets.get(when.asset)
     if asset is None:
         return False

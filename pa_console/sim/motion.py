@@ -17,10 +17,10 @@ from pa_console.sim.worlds.terrain import HULL_GAP_M, LOOK_M, LOOK_S, PlatformLi
 ARRIVAL_M = 0.3
 _SLOWING_S = 0.6
 _TURNS = tuple(math.radians(turn) for turn in (0, -25, 25, -50, 50, -75, 75, -100, 100))
-"""Turns to pass an obstacle, best first; of two equal turns the right-hand one comes first."""
+"""Turns to pass an obstacle, best first; of two equal turns, the right-hand turn comes first."""
 _STANDS: Velocity = (0.0, 0.0)
 _Other = tuple[float, float, float, float, float]
-"""Another asset relative to this one: (dx, dy, vx, vy, reach), metres and metres per second."""
+"""Another asset relative to this one: (dx, dy, vx, vy, reach), in metres and metres per second."""
 
 PATIENCE_S = 3.0
 MOST_STALLS = 10
@@ -36,7 +36,7 @@ _OBSTRUCTION_SEEN_M = 3.0
 
 
 def traffic(terrain: Terrain, scene: Scene) -> Traffic:
-    """Return the ground assets at their present places, with neighbours for giving way."""
+    """Return the ground assets at their present places, with the neighbours to give way to."""
     widest = max(limits.radius_m for limits in terrain.limits.values())
     standing_m = LOOK_M + 3 * widest + HULL_GAP_M
     close_m = terrain.contact_m + CONTACT_MARGIN_M
@@ -77,7 +77,7 @@ def drive(
 
 
 def way_left(asset: AssetState) -> float:
-    """Return the remaining metres of the asset's route."""
+    """Return the remaining length of the asset's route in metres."""
     left, here = 0.0, asset.position
     for point in asset.route:
         left += dist(here, point)
@@ -169,8 +169,8 @@ def _in_the_way(
 def _meets_any(vx: float, vy: float, near: list[_Other], horizon: float) -> bool:
     """Return whether moving at (vx, vy) comes too near one of `near` in time.
 
-    An asset that is already too near is met only by moving closer. An asset that is met moves to
-    the front of the list, because the next direction tried will probably meet it too.
+    An asset that is already too near is met only if the move brings it closer. An asset that is met
+    moves to the front of the list, because the next direction tried will probably meet it too.
     """
     for index, (dx, dy, ux, uy, reach) in enumerate(near):
         rx, ry = ux - vx, uy - vy
@@ -209,7 +209,7 @@ def unstick(terrain: Terrain, scene: Scene, asset: AssetState) -> str:
     """Check the progress of an asset under way; return why it must give up, or ''.
 
     An asset that is stuck within its frame stays where it is. If two groups block each other, one
-    retreats along its way, farther at each attempt, and lets the other pass.
+    group retreats along its route, farther at each attempt, and lets the other pass.
     """
     dt_s = terrain.world.dt_s
     if (scene.tick - asset.nearest_tick) % _check_ticks(dt_s):
@@ -244,7 +244,7 @@ def _check_ticks(dt_s: float) -> int:
 
 
 def _way(terrain: Terrain, asset: AssetState, start: Point, target: Point) -> Route | None:
-    """Return a route around all obstructions that the asset knows."""
+    """Return a route around all obstructions that the asset has detected."""
     return terrain.planner.route(asset.kind, start, target, asset.obstructions)
 
 
@@ -310,7 +310,7 @@ def _cut(start: Point, way: Route, length_m: float) -> Route:
 
 
 def _notice(terrain: Terrain, scene: Scene, asset: AssetState) -> bool:
-    """Add obstructions near a stuck ground asset to those it knows; return whether any is new."""
+    """Add the obstructions near a stuck ground asset to its list; return whether any is new."""
     reach = terrain.world.platforms[asset.kind].radius_m + _OBSTRUCTION_SEEN_M
     news = tuple(
         wall

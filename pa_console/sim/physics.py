@@ -1,4 +1,4 @@
-"""One step of motion; ground vehicles that could touch something go through pymunk.
+"""One step of motion; ground vehicles that could touch something are moved by pymunk.
 
 Collisions have no memory: all bodies that may touch within the step are put into a new space with
 their velocities, advanced in small substeps, and read back. So a copy of the positions is a copy of
@@ -34,10 +34,10 @@ Velocity = tuple[float, float]
 
 
 class Neighbours(NamedTuple):
-    """The neighbours that a ground asset may give way to or touch, and some farther ones.
+    """The assets that a ground asset may give way to or touch, and some that are farther away.
 
-    They are reused until an asset may have moved more than `until_m` metres since the `Traffic` was
-    created.
+    The lists are reused until an asset may have moved more than `until_m` metres since the
+    `Traffic` was created.
     """
 
     near: list[AssetState]
@@ -65,8 +65,10 @@ class Traffic:
         self._cells: dict[_Cell, list[AssetState]] = {}
         self._neighbours: dict[str, Neighbours] = {}
         self.waiting: dict[str, tuple[object, ...] | None] = {}
-        """The last situation in which an asset found no way; it finds none in an equal
-        situation."""
+        """The last situation in which each asset found no free direction.
+
+        In an equal situation, it would find none again.
+        """
 
     def went(self, metres: float) -> None:
         """Record that no asset has moved more than `metres` in this step."""
@@ -99,7 +101,7 @@ class Traffic:
         return neighbours
 
     def _in_cells(self, asset: AssetState) -> Iterable[AssetState]:
-        """Return the assets in the nine cells around `asset`; cells are reused like the lists."""
+        """Return the assets in the nine cells around `asset`; the cells are reused, too."""
         if not self._cells or self._gone_m > self._sorted_until_m:
             self._cells = {}
             for other in self._ground:
@@ -124,7 +126,7 @@ def move(
     velocities: Mapping[str, Velocity],
     dt_s: float,
 ) -> None:
-    """Advance every asset in `velocities` (m/s) by `dt_s`; the others stand with brakes on.
+    """Advance every asset in `velocities` (m/s) by `dt_s`; all others stand with brakes on.
 
     UAVs fly over everything. A ground asset never passes through a wall, an obstruction or another
     ground asset.

@@ -1,7 +1,7 @@
 """The station's side of telemetry: the picture built from the reports that arrived.
 
-This module never reads the truth. It concludes from the arrivals and their times that a report is
-stale, a link degraded or lost, or a position doubtful (paper, Step 3; CAP-05).
+This module never reads the truth. It concludes from the reports that arrived, and from their times,
+that a report is stale, a link degraded or lost, or a position doubtful (paper, Step 3; CAP-05).
 """
 
 import math
@@ -24,12 +24,14 @@ from pa_console.sim.sensing import integrity, tracker
 from pa_console.sim.worlds.terrain import Terrain
 
 LATE_S = 0.25
-"""The seconds beyond the world's slowest radio delay after which a report is late."""
+"""The seconds after the world's slowest radio delay at which a missing report counts as late."""
 WINDOW = 16
 TOLERATED = 4
-"""The number of the last WINDOW reports that may be late or missing on a good link. It is a
-quarter, because a link that sometimes loses a report still carries commands, which are repeated if
-necessary."""
+"""The number of the last WINDOW reports that may be late or missing on a good link.
+
+It is a quarter of them, because a link that sometimes loses a report still carries commands, which
+are repeated if necessary.
+"""
 _ALL = (1 << WINDOW) - 1
 
 
@@ -56,7 +58,7 @@ class Draft(NamedTuple):
 
 
 def begin(terrain: Terrain, scene: Scene) -> Draft:
-    """Return the picture before the first step, as if everything had long been the same.
+    """Return the picture before the first step, as if the initial state had lasted a long time.
 
     A working link has always worked, and a broken link has long been silent.
     """
@@ -135,7 +137,11 @@ def comms_of(record: Heard, missing: int) -> CommsStatus:
 
 
 class _Silence(NamedTuple):
-    """The consequences of silence: a report too old to rely on, reports missing."""
+    """The consequences of an asset's silence.
+
+    They are whether its latest report is too old to rely on, whether its link is lost, and how many
+    reports are missing.
+    """
 
     stale: bool
     lost: bool
@@ -143,7 +149,7 @@ class _Silence(NamedTuple):
 
 
 def _silence(world: World, scene: Scene, stamp: int) -> _Silence:
-    """Return the consequences of a latest report at tick `stamp`."""
+    """Return the consequences of silence since a report sent at tick `stamp`."""
     age = scene.tick - stamp
     age_s = round(age * world.dt_s, 6)
     missing = 0 if scene.ideal else max(0, age - _patience(world)) // period_ticks(world)
@@ -155,7 +161,7 @@ def _concluded(
 ) -> SelfReport:
     """Return an asset's latest report with the station's conclusions about it.
 
-    With `taken`, the asset is under manual control by the station's own record.
+    `taken` is True if the asset is under manual control by the station's own record.
     """
     stale, lost, missing = silence
     whole = record.marks == _ALL and not missing
@@ -188,7 +194,7 @@ def _concluded(
 
 
 def _patience(world: World) -> int:
-    """Return the number of steps after sending at which a report counts as late."""
+    """Return the number of steps from the sending of a report until it counts as late."""
     slowest_s = world.radio.latency_s + world.radio.jitter_s + LATE_S
     return math.ceil(slowest_s / world.dt_s - 1e-9)
 
@@ -196,9 +202,9 @@ def _patience(world: World) -> int:
 def update_post(
     scene: Scene, before: AssetTelemetry | None, now: AssetTelemetry, stirred: set[str]
 ) -> None:
-    """Record the gate where an asset reports that it is; add the gates affected to `stirred`.
+    """Record the gate of an asset according to its report; add the affected gates to `stirred`.
 
-    A failed asset is at no gate; for a stale, silent or suspect asset the gate is uncertain. An
+    A failed asset is at no gate. The presence of a stale, silent or suspect asset is uncertain. An
     asset under manual control covers its gate while its reported position is there.
     """
     at_gate = scene.station.at_gate
@@ -213,7 +219,7 @@ def update_post(
 
 
 def is_sure(asset: AssetTelemetry) -> bool:
-    """Return whether an asset, if it has not failed, is reliably at its reported place."""
+    """Return whether an asset that has not failed is certain to be at its reported place."""
     if not asset.manual:
         return asset.available
     reliable = not asset.stale and asset.comms != "lost" and asset.integrity == "ok"
@@ -221,7 +227,7 @@ def is_sure(asset: AssetTelemetry) -> bool:
 
 
 def _cover(terrain: Terrain, scene: Scene, stirred: set[str]) -> None:
-    """Update which assets are known to cover each gate, and since when none does (WF-03)."""
+    """Update which assets are known to cover each gate, and for how long none has (WF-03)."""
     station = scene.station
     for gate in terrain.gates:
         before = station.covers.get(gate)

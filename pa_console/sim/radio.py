@@ -13,7 +13,7 @@ from pa_console.schema.world import World
 from pa_console.sim.scene import AssetState, Jam, RadioState, Report, Scene
 
 DEGRADED = RadioState(latency_s=0.3, jitter_s=0.9, loss=0.3)
-"""The values of `comms: degraded`; `lost` is an outage, `ok` the nominal link of the world."""
+"""The link for `comms: degraded`; `lost` means an outage, `ok` the nominal link of the world."""
 
 
 def works(scene: Scene, asset: AssetState) -> bool:
@@ -145,7 +145,7 @@ def _reaches(scene: Scene, agent: str) -> bool:
 
 
 def _in_order(scene: Scene, direction: str, agent: str, due: int) -> int:
-    """Return the tick at which a message arrives without overtaking others; count it as sent."""
+    """Return the tick at which a message arrives without overtaking others; count the message."""
     key = (direction, agent)
     due = max(due, scene.link.latest_due.get(key, 0))
     scene.link.latest_due[key] = due

@@ -51,21 +51,21 @@ class Jam:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """A drift of an asset's own position estimate from the truth by (vx, vy) m/s."""
+    """The drift of an asset's own position estimate away from the truth, by (vx, vy) m/s."""
 
     vx: float
     vy: float
     since_tick: int
 
     def applied(self, position: Point, tick: int, dt_s: float) -> Point:
-        """Return the position that an asset at `position` estimates at `tick`."""
+        """Return the estimate that an asset at `position` has of its position at `tick`."""
         seconds = (tick - self.since_tick) * dt_s
         return (position[0] + self.vx * seconds, position[1] + self.vy * seconds)
 
 
 @dataclass(slots=True, repr=False, eq=False)
 class SelfReport:
-    """An asset's own report: `like` an earlier one except for battery and time.
+    """An asset's own report: equal to the report `like` except for battery and time.
 
     The telemetry is assembled when it is read; `repr` shows it.
     """
@@ -130,10 +130,11 @@ class PositionTrust:
     """The station's trust in the positions that one asset reports; see integrity.py.
 
     `stood` is the place where it stopped, according to sound reports. While it is `suspect`,
-    `anchor` is its last sound position, at tick `anchor_tick`; `lie` is a place where other sensors
-    miss it; and `sound_from` is the tick since which its reports have been sound again. `unseen`
-    and `seen` count the consecutive periods in which other sensors missed it, or saw it, at its
-    reported place. Reports sent up to `carried_tick` are void, because the asset was moved then.
+    `anchor` is its last sound position, at tick `anchor_tick`; `lie` is a reported place at which
+    other sensors did not see it; and `sound_from` is the tick since which its reports have been
+    sound again. `unseen` and `seen` count the consecutive periods in which other sensors missed or
+    saw it at its reported place. Reports sent up to `carried_tick` are void, because the asset was
+    moved then.
     """
 
     stood: Point | None = None
@@ -164,7 +165,7 @@ class Heard(NamedTuple):
 class StationState:
     """The station's side: reports of each asset, conclusions from them, and the gates' cover.
 
-    `shown` has the assets of the picture. `at_gate` maps each gate to the assets that are posted
+    `shown` has the reports in the picture. `at_gate` maps each gate to the assets that are posted
     to it and have arrived, each with True if its presence is certain. `covered_tick` is the tick at
     which a gate was last known to be covered; `manual` has the assets under manual control by the
     station's own record.
@@ -193,9 +194,10 @@ class StationState:
 class ScriptState:
     """The progress of a scenario; its random events are drawn from `seed`.
 
-    `due_s` is the time of a scripted event, known once its condition has held; `happened` and
-    `skipped` list the events that are over. `drawn` counts the random events of each process, and
-    `next_s` has the time of the next one. Events and processes are identified by their index.
+    `due_s` is the time of a scripted event, which is known once the event's condition has held;
+    `happened` and `skipped` list the events that are over. `drawn` counts the random events of each
+    process, and `next_s` has the time of its next event. Events and processes are identified by
+    their index.
     """
 
     seed: int = 0
@@ -214,15 +216,15 @@ class ScriptState:
 class AssetState:
     """The true state of one asset; fields hold immutable values, so a shallow copy is enough.
 
-    `station` is the place where it stands or will stand, `route` the remaining waypoints, `origin`
-    the start of the present leg; `obstructions` are those that it has run into. `nearest_m` and
-    `nearest_tick` are the shortest remaining way so far and the time it was reached; `stalls`
-    counts how often the leg got stuck. `heard_tick` is when a message from the station last
-    arrived; while it is `cut_off`, `owes` has the replies about the end of its command. While it is
-    `manual`, a person drives it; while it is `plugged_in`, its battery stays full. `place` is the
-    frame of the position `placed_at`; the battery is that of `settled_tick`. `last_telemetry` is
-    its last report, or None if more than the battery may have changed since; it follows from the
-    other fields, so the hash leaves it out.
+    `station` is the place where the asset stands or will stand, `route` the remaining waypoints,
+    `origin` the start of the present leg; `obstructions` are those that the asset has detected.
+    `nearest_m` is the shortest remaining way so far, reached at `nearest_tick`; `stalls` counts how
+    often the asset got stuck on the leg. `heard_tick` is the tick of the last message from the
+    station; while the asset is `cut_off`, `owes` has the replies about the end of its command.
+    While it is `manual`, a person drives it; while it is `plugged_in`, its battery stays full.
+    `place` is the frame of the position `placed_at`; `battery` is the charge at `settled_tick`.
+    `last_telemetry` is the asset's last report, or None if more than the battery may have changed
+    since; it follows from the other fields, so the hash leaves it out.
     """
 
     id: str
@@ -270,7 +272,7 @@ class AssetState:
 
     @property
     def down(self) -> bool:
-        """True if it cannot act: failed, or its battery is empty."""
+        """True if the asset cannot act, because it has failed or its battery is empty."""
         return self.failed or self.battery <= 0.0
 
     def stop(self, task: Task) -> None:
@@ -284,7 +286,7 @@ class Scene:
     """The whole dynamic state: the truth, and in `station` the part that has reached the station.
 
     `covered_tick` is the tick at which a gate was last truly covered. `active` has the names of the
-    assets that every step processes; idle ones are skipped. In an `ideal` scene, used for a
+    assets that every step processes; idle assets are skipped. In an `ideal` scene, used for a
     forecast, messages are never lost and assets report only changes: `touched` has the names of
     assets that were active since the last picture.
     """

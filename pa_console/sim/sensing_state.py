@@ -48,7 +48,7 @@ class ContactState:
 
 @dataclass(frozen=True, slots=True)
 class Phantom:
-    """A false contact: one sensor reports it until `until_tick`, though nothing is there."""
+    """A false contact, which one sensor reports until `until_tick`, although nothing is there."""
 
     id: str
     lane: str
@@ -100,7 +100,7 @@ class Sighting(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """The report of one sensor on one contact: the latest value of each property, and its tick.
+    """The statement of one sensor on one contact: the latest value of each property, and its tick.
 
     `weight` is the weight of its vote. It last suspected noncombatants at `suspected_tick`, and
     last had the contact close by without suspecting any at `clear_tick`; -1 means never.
@@ -121,10 +121,11 @@ class TrackFile:
     """The station's estimate from the detections of one contact.
 
     Position and velocity are estimates at `tick`; `variance`, `covariance` and `speed_variance` are
-    their values on each axis. `identified`, `confirmed` and `suspected` are an identity, an intent
-    and a suspicion of noncombatants from before the file began (in a forecast, from its picture).
-    `statements` has each sensor's statement, sorted by sensor; `seen` has each sensor's latest
-    detection. `anchor` and `anchor_tick` are its place and time when it last certainly moved.
+    their values on each axis. `identified`, `confirmed` and `suspected` are the identity, the
+    intent and the suspicion of noncombatants that were known before the file began (in a forecast,
+    from its picture). `statements` has each sensor's statement, sorted by sensor; `seen` has each
+    sensor's latest detection. `anchor` and `anchor_tick` are the place and the time of the
+    contact's last certain move.
     """
 
     id: str

@@ -45,16 +45,16 @@ def send(terrain: Terrain, scene: Scene) -> dict[str, tuple[Detection, ...]]:
 
 
 def where(terrain: Terrain, asset: AssetState) -> str | None:
-    """Return the true frame of `asset`; it is computed again only if the asset has moved."""
+    """Return the true frame of `asset`, which is computed again only if the asset has moved."""
     if asset.placed_at != (asset.x, asset.y):
         asset.placed_at, asset.place = asset.position, terrain.frame_at(asset.x, asset.y)
     return asset.place
 
 
 def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
-    """Return the report of `asset` at `tick`: true except for a drifted position.
+    """Return the report of `asset` at `tick`, which is true except for the drift of its position.
 
-    For an idle asset, only the battery and the time are new.
+    In the report of an idle asset, only the battery and the time are new.
     """
     low, stamp_s = asset.battery < terrain.world.low_battery_pct, terrain.seconds(tick)
     last = asset.last_telemetry
@@ -94,7 +94,7 @@ def report_of(terrain: Terrain, tick: int, asset: AssetState) -> SelfReport:
 
 
 def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
-    """Return the condition of each camera; cameras are wired, so it is reported without delay."""
+    """Return the condition of each camera, which is known without delay: cameras are wired."""
     now_s, broken = terrain.seconds(scene.tick), scene.sensing.broken
     return {
         name: CameraReport.of_valid(
@@ -105,7 +105,7 @@ def cameras_known(terrain: Terrain, scene: Scene) -> dict[str, CameraReport]:
 
 
 def _forged(terrain: Terrain, scene: Scene, asset: AssetState) -> SelfReport:
-    """Return a forged report: nothing is wrong, and the asset is posted at the forged frame."""
+    """Return a forged report, in which all is well and the asset is posted at the forged frame."""
     frame = asset.spoofed or terrain.world.base
     last = scene.station.heard[asset.id].telemetry.telemetry()
     places = terrain.places(frame, asset.kind)

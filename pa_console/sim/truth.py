@@ -74,7 +74,7 @@ def true_tracks(terrain: Terrain, scene: Scene) -> dict[str, Track]:
 
 
 def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
-    """Return the exact contact as a track; `observed_by` and `seen_by` are the station's."""
+    """Return the exact contact as a track; `observed_by` and `seen_by` come from the station."""
     file = scene.sensing.files.get(contact.id)
     track = None if file is None else known_track(terrain, scene, file)
     now_s = terrain.seconds(scene.tick)
@@ -104,7 +104,7 @@ def _true_track(terrain: Terrain, scene: Scene, contact: ContactState) -> Track:
 
 
 def _defies(contact: ContactState) -> bool:
-    """Return whether a contact truly continues although it was warned."""
+    """Return whether a contact really continues although it was warned."""
     return (
         contact.warned_tick is not None
         and contact.when_warned == "go_on"
@@ -118,8 +118,8 @@ class TrueContact:
 
     `emergency` is True once a sensor has recognized a true emergency vehicle. `confirmed` is the
     intent that the sensors' evidence supports (ROE-01, ROE-10). `watched_by` has the working UAVs
-    with the contact within range and view. `unseen_s` is the time without a detection by any
-    sensor, or None if it is not tracked.
+    with the contact in range and in view. `unseen_s` is the time since a sensor last detected the
+    contact, or None if the contact is not tracked.
     """
 
     id: str
@@ -141,7 +141,7 @@ class TrueContact:
 
 
 def true_contacts(terrain: Terrain, scene: Scene) -> tuple[TrueContact, ...]:
-    """Return every present contact, in the order of appearance."""
+    """Return every contact that has not left, in the order of appearance."""
     if not scene.contacts:
         return ()
     eyes = [

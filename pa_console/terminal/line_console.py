@@ -1,4 +1,4 @@
-"""Line consoles for this station's session and for another's; typed lines take effect at once."""
+"""Line consoles for a session of this station or another; typed lines take effect at once."""
 
 import asyncio
 import re
@@ -41,7 +41,7 @@ CTRL_C = (
     "otherwise just continue."
 )
 WAITING_EVERY_S = 5.0
-"""The interval between two lines about the present wait, in seconds."""
+"""The interval, in seconds, between two lines that show what the session is waiting for."""
 
 _SPEED = re.compile(r"(?i)\s*speed\s+(\S+)\s*")
 _STANDING = re.compile(r"(?i)\s*(revoke|pause|resume|skip)\s+(s\d+)\s*")
@@ -80,7 +80,7 @@ class LineConsole(SessionLines):
         self._input_ended = False
 
     def interrupted(self) -> None:
-        """Answer Ctrl-C, which stops nothing by itself."""
+        """Explain that Ctrl-C does not stop anything."""
         self._confirming = None
         self._say(CTRL_C)
 
@@ -121,7 +121,7 @@ class LineConsole(SessionLines):
         self.show(request, "you", f"Your answer: {HOW}")
 
     async def _show_waiting(self) -> None:
-        """Show the present wait from time to time."""
+        """Show from time to time what the session is waiting for."""
         while True:
             await asyncio.sleep(WAITING_EVERY_S)
             if line := self.waiting.line(monotonic(), self.state, self._station.rate):
@@ -255,8 +255,8 @@ class JoinedConsole(SessionLines):
     ) -> None:
         """Open the console.
 
-        `command_question` returns the question before taking command, for a commander; None for
-        others.
+        `command_question` returns the question to ask before taking command; it is None unless the
+        operator is a commander.
         """
         super().__init__(station, output)
         self._station, self._command_question = station, command_question
@@ -265,7 +265,7 @@ class JoinedConsole(SessionLines):
         """True if the operator left the session to take command."""
 
     def interrupted(self) -> None:
-        """Leave at Ctrl-C; the session continues."""
+        """Leave the session, which continues."""
         self._leave()
 
     # Events
@@ -282,7 +282,7 @@ class JoinedConsole(SessionLines):
 
     @property
     def _why(self) -> str:
-        """The reason why this console is read-only, and the actions that are possible here."""
+        """The reason why this console is read-only, and the actions that it still allows."""
         station = self._station
         may = ["countersign"] if station.signer else []
         may += ["stop all assets"]

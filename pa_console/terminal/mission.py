@@ -62,14 +62,14 @@ _STEPS: dict[str, str] = {
     "mission_preempted": "waits again",
     "mission_finished": "finished",
 }
-"""The steps that are shown, with their names."""
+"""The names of the steps that are shown, by kind of event."""
 HOW_TO_ASK = "You may also ask: Why?  Why not ASSET?  What would you do instead?"
 
 
 def step_line(event: ev.Event) -> str:
-    """Return the meaning of `event` in one line; '' if it is not a step of a mission.
+    """Return `event` in words, as one line; '' if it is not a step of a mission.
 
-    Changes of a model's server, and of its replacement, are shown as well.
+    There are also lines for changes of a model's server, and for the model that replaces it.
     """
     match event.data:
         case ev.ServerChanged(state=state) if state != "probing":
@@ -100,7 +100,7 @@ _OPTIONS = TraceOptions(Detail.BRIEF, evidence=True)
 
 
 def print_trace(console: Console, trace: MissionTrace) -> None:
-    """Print `trace` in the order of the eight steps, with its end first."""
+    """Print the end of a mission, and then its `trace` in the order of the steps."""
     _print_head(console, trace)
     console.print(_text(progress(trace)))
     _print_sections(console, lay_out(trace, {}, _OPTIONS))
@@ -121,7 +121,7 @@ def print_proposal(console: Console, trace: MissionTrace, number: int) -> None:
 
 
 def print_answer(console: Console, answer: QuestionAnswered) -> None:
-    """Print the answer to a question about no mission, or about one printed before."""
+    """Print an answer that is about no mission, or about a mission that was printed before."""
     _print_sections(console, answered((answer,)))
 
 
@@ -141,7 +141,7 @@ def _print_sections(console: Console, sections: Iterable[TraceSection], indent: 
 
 
 def _hanging(row: HangingRow) -> Table:
-    """Return a row whose body wraps beside its lead."""
+    """Return a row whose body is wrapped beside its lead."""
     lead = _text(row.lead)
     grid = Table.grid()
     grid.add_column(no_wrap=True, overflow="fold")
@@ -151,7 +151,7 @@ def _hanging(row: HangingRow) -> Table:
 
 
 def _text(spans: Iterable[Span]) -> Text:
-    """Return laid-out text in the terminal's colours, with control characters escaped."""
+    """Return spans of text in the terminal's colours, with control characters escaped."""
     return Text.assemble(
         *((visible(span.text), f"{span.stress} {COLOURS[span.tone]}".strip()) for span in spans)
     )
@@ -159,11 +159,11 @@ def _text(spans: Iterable[Span]) -> Text:
 
 Answer = TypeVar("Answer")
 QuestionIn = Callable[[str], Question | None]
-"""A function that returns the question about the record in a text; None for any other text."""
+"""A function that returns a text as a question about the record; None if it is not one."""
 
 
 class _AskedError(Exception):
-    """An error that a question was typed instead of an answer."""
+    """The error that is raised when a question is typed instead of an answer."""
 
     def __init__(self, question: Question) -> None:
         super().__init__(question.text)
@@ -171,7 +171,7 @@ class _AskedError(Exception):
 
 
 class _AskingBack(PromptBase[Answer]):
-    """A prompt whose answer may be a question in return, recognised by `question_in`."""
+    """A prompt at which a question, recognised by `question_in`, may be typed as well."""
 
     def __init__(self, prompt: str, question_in: QuestionIn, **options: Any) -> None:
         """Pass `options`, such as `choices`, to Rich's prompt."""
@@ -214,15 +214,15 @@ def ask_decision(
 ) -> Decision | Question:
     """Ask for a decision on the shown request; without an answer or a terminal, reject it.
 
-    At a terminal, a question may be typed instead of an answer. It is returned, and nothing is
+    At a terminal, a question may be typed instead of an answer. It is then returned, and nothing is
     decided.
     """
     if not sys.stdin.isatty():
         return _asked(request, trace, lambda _: None)
     try:
         return _asked(request, trace, question_in)
-    except _AskedError as asked:
-        return asked.question
+    except _AskedError as error:
+        return error.question
 
 
 def _asked(
@@ -242,8 +242,8 @@ def _asked(
     _begin_asking()
     try:
         with _interruptible():
-            if request.readings and (asked := _what_was_meant(request, question_in)):
-                return Decision(kind="choose", asked=asked)
+            if request.readings and (reading := _chosen_reading(request, question_in)):
+                return Decision(kind="choose", asked=reading)
             if request.blocked_by:
                 return Decision(kind="reject", reason="; ".join(request.blocked_by))
             if not _YesOrNo("Approve?", question_in)(default=False):
@@ -279,22 +279,22 @@ def _choices(trace: MissionTrace | None) -> Sequence[str]:
     return trace.choices if trace is not None else ()
 
 
-def _what_was_meant(request: ApprovalRequested, question_in: QuestionIn) -> str:
-    """Ask which reading of the order was meant; '' is the one that the plan serves."""
+def _chosen_reading(request: ApprovalRequested, question_in: QuestionIn) -> str:
+    """Ask which reading of the order was meant; '' means the reading that the plan serves."""
     own = f"read as: {plain_reading(request.asked)}; " if request.asked else ""
     errors.print(f"{own}the order could also mean:")
     numbers = [f"{number}" for number, _ in enumerate(request.readings, start=1)]
-    for number, asked in zip(numbers, request.readings, strict=True):
-        errors.print(f"  {number}  {plain_reading(asked)}")
+    for number, reading in zip(numbers, request.readings, strict=True):
+        errors.print(f"  {number}  {plain_reading(reading)}")
     question = "Did you mean one of these? 0 for no"
     chosen = _WordsPrompt(question, question_in, choices=["0", *numbers])(default="0")
     return request.readings[int(chosen) - 1] if chosen != "0" else ""
 
 
 def _begin_asking() -> None:
-    """Show at a terminal which questions may be asked there.
+    """Show, if there is a terminal, which questions may be asked.
 
-    Lines typed before the plan was shown are dropped, because they cannot refer to it.
+    Lines that were typed before the plan was shown are dropped, because they cannot refer to it.
     """
     if sys.stdin.isatty():
         errors.print(HOW_TO_ASK, style="dim")
@@ -303,7 +303,7 @@ def _begin_asking() -> None:
 
 @contextmanager
 def _interruptible() -> Generator[None]:
-    """Let Ctrl-C end a question at once; asyncio's own handler would wait for the answer."""
+    """Let Ctrl-C end a prompt at once; asyncio's own handler would wait for the answer."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield

@@ -1,10 +1,10 @@
-"""The frame that a console shows while it opens: the first painting of its last start.
+"""The frame that a console shows while it opens: the first painting of its previous start.
 
-Importing and opening everything takes a second, the frame a tenth of it. The frame is kept before
-the first event of a session, so nothing in it can be mistaken for the present picture. Keys typed
-in the meantime stay in the terminal's queue for the screen. Anything written to the standard
-streams, such as a warning, an error or a question, uncovers the terminal first. Keys typed for the
-screen never answer such a question.
+Importing and opening everything takes a second; the frame appears after a tenth of that. A frame is
+stored before the first event of a session, so nothing in it can be mistaken for the present
+picture. Keys typed in the meantime stay in the terminal's queue for the screen. Before anything is
+written to the standard streams, such as a warning, an error or a question, the frame is removed
+from the terminal. Keys typed for the screen never answer such a question.
 """
 
 import hashlib
@@ -27,11 +27,11 @@ from pa_console.terminal.output import DRIVER
 ENTER_SCREEN, LEAVE_SCREEN = "\x1b[?1049h", "\x1b[0m\x1b[?25h\x1b[?1049l"
 MOST_BYTES = 1_000_000
 KEPT = 8
-"""The number of frames that are kept: one for each size of the terminal and each choice of
+"""The number of frames that are kept; there is one for each size of the terminal and each choice of
 options."""
 
 _DRAWN = re.compile(r"(?:[^\x00-\x1f\x7f-\x9f]|\x1b\[[\d;]*m|\n)*")
-"""Text and its colours, without any other control sequence for a terminal."""
+"""The pattern of text with colours, but without any other control sequence for a terminal."""
 
 _LOOKS = ("TERM", "COLORTERM", "NO_COLOR", "TEXTUAL_COLOR_SYSTEM", "TERM_PROGRAM")
 """The variables on which the colours of the screen depend."""
@@ -56,7 +56,7 @@ def frame_file(*options: object) -> Path | None:
 
 
 def keep_frame(file: Path, lines: Sequence[str]) -> None:
-    """Keep the screen's `lines` for the next start; an error of the disk is ignored."""
+    """Store the screen's `lines` for the next start; errors of the disk are ignored."""
     content = "\n".join(lines).encode("utf-8", "replace")
     with suppress(OSError):
         make_private_folder(file.parent)
@@ -68,7 +68,7 @@ def keep_frame(file: Path, lines: Sequence[str]) -> None:
 
 
 def load_frame(file: Path) -> list[str] | None:
-    """Return the lines of a kept frame; None without one, or if it has other control sequences."""
+    """Return the lines of a stored frame; None if there is none, or if it is not valid."""
     try:
         content = read_private(file)
         text = content.decode() if len(content) <= MOST_BYTES else "\x1b"
@@ -78,13 +78,13 @@ def load_frame(file: Path) -> list[str] | None:
 
 
 class _UncoveringStream:
-    """A standard stream that uncovers the terminal before anything is written to it."""
+    """A standard stream that calls `uncover` before anything is written to it."""
 
     def __init__(self, stream: IO[str], uncover: Callable[[], None]) -> None:
         self._stream, self._uncover = stream, uncover
 
     def write(self, text: str) -> int:
-        """Write `text` on the uncovered terminal."""
+        """Uncover the terminal, and write `text`."""
         self._uncover()
         return self._stream.write(text)
 
@@ -93,9 +93,10 @@ class _UncoveringStream:
 
 
 class OpeningFrame:
-    """A cover for the terminal, the frame in `file` if there is one, until the screen takes over.
+    """A cover for the terminal until the screen takes over: the frame in `file`, if there is one.
 
-    It is a context: at its end, the terminal is as before, unless the screen has taken it over.
+    It is a context manager; at its end, the terminal is as before, unless the screen has taken it
+    over.
     """
 
     def __init__(self, file: Path | None) -> None:
@@ -106,8 +107,8 @@ class OpeningFrame:
         self._heeding = ExitStack()
         """The cleanup that restores the standard streams and the signals."""
         self._covered: list[IO[str]] = []
-        """The covering streams, kept because a `print` that uncovers the terminal continues with
-        one of them, which is no longer a standard stream and to which it holds no reference."""
+        """The covering streams. They are kept because a `print` that uncovers the terminal still
+        writes to one of them afterwards, although it holds no reference to that stream."""
 
     def __enter__(self) -> Self:
         """Show the frame; without one, the terminal is not changed."""
@@ -150,13 +151,13 @@ class OpeningFrame:
         self._heeding.close()
 
     def hand_over(self) -> list[Any]:
-        """Hand the terminal, with its frame, to the screen; return the modes that it had before."""
+        """Hand the terminal and its frame to the screen; return the terminal's former modes."""
         self.shown = False
         return self._modes
 
     @contextmanager
     def telling(self, step: str) -> Generator[None]:
-        """Show the present step in a temporary line, unless a frame is shown."""
+        """Show `step` in a line while the block runs, unless a frame is shown."""
         seen = not self.shown and sys.stderr.isatty()
         if seen:
             sys.stderr.write(step)
@@ -174,7 +175,7 @@ def _end(number: int) -> None:
 
 
 def _raw(modes: Sequence[Any]) -> list[Any]:
-    """Return the terminal's `modes` with keys unchanged and not echoed; ^C still interrupts."""
+    """Return `modes` changed so that keys are neither converted nor echoed; ^C still interrupts."""
     raw = list(modes)
     raw[0] &= ~(termios.IXON | termios.IXOFF | termios.ICRNL | termios.INLCR | termios.IGNCR)
     raw[3] &= ~(termios.ECHO | termios.ICANON | termios.IEXTEN)

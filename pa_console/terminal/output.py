@@ -1,4 +1,4 @@
-"""Output on a terminal: streams, consoles that print text unchanged, JSON, and exit codes."""
+"""Output on a terminal: streams, consoles that print plain text, JSON, and exit codes."""
 
 import json
 import os
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from pa_console.schema.rule import RulesSeal
 
 DRIVER = "TEXTUAL_DRIVER"
-"""The variable that names Textual's driver if it is not a terminal's, such as a browser's."""
+"""The variable that names a driver of Textual other than the terminal's, such as a browser's."""
 FAILED = 1
 BAD_INPUT = 2
 
 
 class PlainConsole(Console):
-    """A console that applies its own styles and shows all text in visible form."""
+    """A console that reads no markup in a text, and shows control characters in visible form."""
 
     def __init__(self, **options: Any) -> None:
         """Pass `options` to Rich; markup, highlighting and emoji codes are off."""
@@ -45,7 +45,7 @@ class PlainConsole(Console):
             yield segment if segment.control else Segment(visible(segment.text), segment.style)
 
     def status(self, status: RenderableType, **options: Any) -> Status:
-        """Return a spinner whose label, now and later, is plain text."""
+        """Return a spinner whose label is always plain text, even after an update."""
         return _PlainStatus(_text(status), console=self, **options)
 
 
@@ -75,7 +75,7 @@ def open_closed_streams() -> None:
 
 
 def require_keys(instead: str) -> None:
-    """Raise ValueError, which names what to do instead, if no key of an operator can arrive.
+    """Raise ValueError, with the advice `instead`, if the operator's keys cannot be read.
 
     Textual's other drivers, such as that of a browser, deliver keys without a terminal.
     """
@@ -110,5 +110,5 @@ def print_json(value: Any) -> None:
 
 
 def print_document(text: str) -> None:
-    """Print a text with its own line breaks, such as Markdown, and nothing after it."""
+    """Print a text that has its own line breaks, such as Markdown, and add nothing."""
     sys.stdout.write(visible(text))

@@ -1,4 +1,4 @@
-"""A session in lines: its events, its state, and the lines that are typed."""
+"""A session in lines of text: its events, its state, and the lines that are typed."""
 
 import asyncio
 from abc import ABC, abstractmethod
@@ -27,7 +27,7 @@ _LEVELS = ("warning", "alarm")
 
 
 def status_lines(state: SessionState) -> list[str]:
-    """Return time, gates, stop, model, the active mission, and the numbers of waiting items."""
+    """Return lines with time, gates, stop, model, active mission, and numbers of waiting items."""
     picture, lines = state.picture, list[str]()
     if picture is not None:
         lines.append(f"time {clock_text(picture.time_s)}, weather {picture.weather}")
@@ -89,7 +89,7 @@ def _asset_line(asset: AssetTelemetry, state: SessionState, picture: Picture) ->
 
 
 def _by_hand(asset: AssetTelemetry, state: SessionState) -> str:
-    """Return the source of an asset's manual control."""
+    """Return, in words, who took an asset, or that the asset itself reports manual control."""
     taken = state.manual.get(asset.id)
     return f"taken by {taken.by}" if taken is not None else "by its own report"
 
@@ -103,7 +103,7 @@ def alarm_lines(state: SessionState) -> list[str]:
 
 
 def queue_lines(state: SessionState) -> list[str]:
-    """Return a line for each mission that waits, the next first."""
+    """Return a line for each waiting mission, the next mission first."""
     return [
         f"{entry.mission.id}: {entry.mission.said} ({entry.reason})" for entry in state.queue
     ] or ["no waiting missions"]
@@ -131,13 +131,13 @@ _TABLES = {"status": status_lines, "assets": asset_lines, "alarms": alarm_lines,
 
 @dataclass(frozen=True)
 class LineOutput:
-    """The outputs of a line console: texts, the rows of a plan, and those of a mission's trace."""
+    """The functions with which a line console prints texts, a plan and a mission's trace."""
 
     say: Callable[[str], None]
     show_plan: Callable[[MissionTrace, int], None]
     show_trace: Callable[[MissionTrace], None]
     hold_s: float = 0.0
-    """The time after a plan is shown in which an answer is refused as too early, in seconds."""
+    """The time in seconds after a plan appears during which an answer is refused as too early."""
     called: Callable[[], None] = lambda: None
     """A function that is called when the console waits for the operator."""
 
@@ -156,14 +156,14 @@ class SessionLines(ABC):
 
     @property
     def request(self) -> ev.ApprovalRequested | None:
-        """The approval request of the waiting plan, None if none waits."""
+        """The approval request of the waiting plan; None if no plan waits."""
         current = self.state.current
         return current.approval if current is not None else None
 
     async def run(
         self, lines: asyncio.Queue[str | None], forget: Callable[[], None] = lambda: None
     ) -> None:
-        """Show the session until it ends or is left; `forget` drops lines typed too early."""
+        """Show the session until it ends or is left; `forget` drops lines that were typed early."""
         self._forget = forget
         self._begin()
         work = [asyncio.create_task(each) for each in self._work(lines)]
@@ -179,7 +179,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     def interrupted(self) -> None:
-        """Answer Ctrl-C."""
+        """Respond to Ctrl-C."""
 
     # Differences between the kinds of consoles
 
@@ -193,7 +193,7 @@ class SessionLines(ABC):
 
     @abstractmethod
     async def _no_more_lines(self) -> None:
-        """Continue without input."""
+        """Continue after the end of the input."""
 
     @abstractmethod
     def _stop(self) -> None:
@@ -210,7 +210,7 @@ class SessionLines(ABC):
     # Events
 
     def _work(self, lines: asyncio.Queue[str | None]) -> Sequence[Coroutine[None, None, None]]:
-        """Return the tasks that run beside the events."""
+        """Return the coroutines that run while events are shown."""
         return (self._listen(lines),)
 
     def _take(self, event: ev.Event) -> None:
@@ -227,7 +227,7 @@ class SessionLines(ABC):
 
     @property
     def _too_early(self) -> bool:
-        """True as long as the waiting plan cannot have been read."""
+        """True while the operator cannot yet have read the waiting plan."""
         return monotonic() - self._shown_at < self._output.hold_s
 
     # Typed lines
@@ -259,7 +259,7 @@ class SessionLines(ABC):
         self._say(question)
 
     def _asks(self, line: str) -> bool:
-        """Start to answer a question about the record; return whether the line is one.
+        """Start to answer a line if it is a question about the record; return whether it is.
 
         Later lines do not wait for the answer.
         """
@@ -321,7 +321,7 @@ class SessionLines(ABC):
                 self._output.called()
 
     def show(self, request: ev.ApprovalRequested, waits: str, how: str) -> None:
-        """Print the plan of a request, the person `waits` who decides, and `how` to answer."""
+        """Print the plan of a request, who must decide on it (`waits`), and `how` to answer."""
         trace = self.state.current
         if trace is not None:
             self._output.show_plan(trace, request.attempt)
@@ -332,8 +332,8 @@ class SessionLines(ABC):
             self._say(f"blocked: {reason}")
         if request.acknowledge:
             self._say(f"broken rules that you must accept: {', '.join(request.acknowledge)}")
-        for number, asked in enumerate(request.readings, start=1):
-            self._say(f"reading {number}: {plain_reading(asked)}")
+        for number, reading in enumerate(request.readings, start=1):
+            self._say(f"reading {number}: {plain_reading(reading)}")
         self._say(how)
 
     def look(self, word: str) -> bool:

@@ -1,4 +1,4 @@
-"""Lines typed in a session: read in their own thread, and parsed as answers to a plan."""
+"""Lines typed in a session, which are read in a thread and parsed as answers to a plan."""
 
 import asyncio
 import os
@@ -16,7 +16,7 @@ from pa_console.schema.mission import Decision
 from pa_console.schema.plan import Plan
 
 LONGEST = 20_000
-"""The most bytes of a line; longer lines are cut."""
+"""The largest number of bytes in a line; longer lines are cut."""
 HOW = "approve, reject, modify, show or stop; if the judge objects: approve because REASON"
 _WORDS = re.compile(r"(?is)\s*(approve|reject|modify|reading|reason|show)\b[\s:,]*(.*)")
 _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
@@ -25,8 +25,8 @@ _STOP = re.compile(r"(?i)\s*stop(\s+all)?\s*[.!]*\s*")
 class InputLines:
     """The lines of standard input, put into `queue` one by one; None marks their end.
 
-    On a terminal, the end of the input (Ctrl-D) is the line `quit`, and reading continues for as
-    long as the terminal exists.
+    On a terminal, the end of the input (Ctrl-D) is the line `quit`, and reading continues while
+    the terminal exists.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -119,13 +119,13 @@ def read_answer(line: str, request: ApprovalRequested, reason: str = "") -> Type
 
 
 def is_answer(line: str) -> bool:
-    """Return whether `line` would be the answer to a plan if one waited."""
+    """Return whether `line` would be an answer if a plan waited."""
     typed = _WORDS.fullmatch(line)
     return typed is not None and (typed[1].casefold() != "show" or not typed[2].strip())
 
 
 def reason_of(line: str) -> str:
-    """Return the reason that `line` gives by itself; '' if it gives none."""
+    """Return the reason in a line that consists of `reason` and a text; '' for any other line."""
     typed = _WORDS.fullmatch(line)
     return typed[2].strip() if typed is not None and typed[1].casefold() == "reason" else ""
 
@@ -150,8 +150,8 @@ def _choose(request: ApprovalRequested, number: str) -> TypedAnswer:
     if not number.isdecimal() or not 0 < int(number) <= len(request.readings):
         offered = f"choose 1 to {len(request.readings)}" if request.readings else "none is offered"
         return TypedAnswer(problem=f"there is no reading {number!r}; {offered}")
-    asked = request.readings[int(number) - 1]
-    return TypedAnswer(request.decided("choose", asked=asked))
+    reading = request.readings[int(number) - 1]
+    return TypedAnswer(request.decided("choose", asked=reading))
 
 
 def _modify(request: ApprovalRequested, text: str, reason: str) -> TypedAnswer:

@@ -205,4 +205,4 @@ def test_its_options_and_its_missing_keys_are_told_as_for_a_screen(call: Call) -
     wrong = call("console", "--join", "mqtt://localhost/x", "--plain", "--readonly")
     assert (wrong.code, "--join can be combined only with" in wrong.err) == (2, True)
     missing = call("console", "--join", "mqtt://localhost/x", "--plain")
-    assert (missing.code, "--join needs keys of the site" in missing.said) == (2, True)
+    assert (missing.code, "--join needs keys for the site" in missing.said) == (2, True)

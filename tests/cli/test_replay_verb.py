@@ -174,7 +174,8 @@ def test_another_scenario_of_the_same_name_is_not_taken_for_the_sessions(
     other = call(*words)
     assert other.code == 2
     assert (
-        f"'one-van' of this session is not installed here unchanged (SHA-256 {pinned[:12]})"
+        "'one-van' of this session is not installed here, or it has changed "
+        f"(SHA-256 {pinned[:12]})"
         in other.err
     )
     assert "--scenario" in other.err

@@ -80,7 +80,7 @@ def test_a_server_that_is_not_there_ends_no_replay(call: Call, log: Path) -> Non
         ((), "give either --join URL for a live session or --replay"),
         (("--join", "mqtt://127.0.0.1", "--replay", "LOG"), "give either --join URL"),
         (("--replay", "nowhere", *SEA), "there is no session"),
-        (("--replay", "LOG"), "does not say where on the earth it is"),
+        (("--replay", "LOG"), "has no position on the earth"),
         (("--replay", "LOG", "--origin", "north"), "origin north: expected LATITUDE,LONGITUDE"),
         (("--replay", "LOG", "--origin", "91,0"), "origin 91,0: latitude: "),
         (("--replay", "LOG", *SEA, "--name", "a b"), "--name a b: letters, digits"),
@@ -180,7 +180,7 @@ def test_a_tak_server_that_is_away_changes_no_mission(call: Call, tmp_path: Path
     assert f"warning: TAK map: no connection to {url}" in done.err
     nowhere = call(*words, "--tak", url)
     assert (nowhere.code, nowhere.out) == (2, "")
-    assert "does not say where on the earth it is" in nowhere.err
+    assert "has no position on the earth" in nowhere.err
 
 
 def test_without_its_libraries_it_says_what_to_install(

@@ -76,8 +76,8 @@ def test_the_broker_lets_a_robot_speak_for_itself_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("http://here", "no address"),
-        ("mqtts://", "no address"),
+        ("http://here", "not an address"),
+        ("mqtts://", "not an address"),
         ("mqtt://192.0.2.7/vda5050", "this machine alone"),
         ("mqtts://host:99999", "Port"),
         ("mqtts://a:b@host", "only host, port and site"),

@@ -122,9 +122,9 @@ def test_a_web_receiver_and_a_mailbox_are_told_while_another_one_hangs(silent: s
     assert letter["subject"] == MESSAGE.title
     assert MESSAGE.body in str(letter)
     assert sorted(told) == [
-        f"receiver 1 (JSON) not told, no answer within 0.5 s: {MESSAGE.title}",
-        f"receiver 2 (JSON) told: {MESSAGE.title}",
-        f"receiver 3 (E-Mail) told: {MESSAGE.title}",
+        f"receiver 1 (JSON) not alerted, no answer within 0.5 s: {MESSAGE.title}",
+        f"receiver 2 (JSON) alerted: {MESSAGE.title}",
+        f"receiver 3 (E-Mail) alerted: {MESSAGE.title}",
     ]
 
 
@@ -134,7 +134,7 @@ def test_a_receiver_that_refuses_is_tried_again_and_then_reported() -> None:
         delivery.give(MESSAGE)
         told = news_of(delivery)
         assert web.posted.qsize() == 3
-    assert told == [f"receiver 1 (JSON) not told, refused, or not reached: {MESSAGE.title}"]
+    assert told == [f"receiver 1 (JSON) not alerted, refused, or not reached: {MESSAGE.title}"]
 
 
 def test_those_for_later_are_told_only_that_nobody_acts() -> None:
@@ -176,7 +176,7 @@ def test_a_session_tells_people_and_hears_of_it() -> None:
         assert beside.outside is not None
         [told] = beside.outside.news()
     assert isinstance(told, ev.Noticed)
-    assert told.text == "receiver 1 (JSON) told: PA Console: emergency alarm: Track_04"
+    assert told.text == "receiver 1 (JSON) alerted: PA Console: emergency alarm: Track_04"
     assert SECRET not in told.text
 
 

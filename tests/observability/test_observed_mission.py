@@ -301,7 +301,7 @@ def test_an_observer_that_fails_is_left_out_and_the_others_go_on(
     with observed(Observing(metrics_port=free_port()), told.append) as observer:
         observer(event)
         observer(event)
-    assert told == ["no more is observed: RuntimeError: a number too many"]
+    assert told == ["an observer failed and gets no more events: RuntimeError: a number too many"]
 
 
 def free_port() -> int:

@@ -93,7 +93,7 @@ def test_more_assets_than_a_frame_has_room_for(world_path: Path, tmp_path: Path)
     document["assets"]["Robot_T01"]["post"] = "Base"
     path = tmp_path / "world.yaml"
     path.write_text(yaml.safe_dump(document, sort_keys=False))
-    with pytest.raises(DocumentError, match="Base has room for 1 such assets, 2 are posted"):
+    with pytest.raises(DocumentError, match="Base has room for 1 such assets, but 2 are posted"):
         load_world(path)
 
 

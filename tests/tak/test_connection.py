@@ -253,8 +253,8 @@ def test_tls_shows_a_certificate_and_trusts_no_other_authority(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("http://h:1", "no address of a TAK server"),
-        ("tcp://", "no address"),
+        ("http://h:1", "not an address of a TAK server"),
+        ("tcp://", "not an address"),
         ("tcp://h:99999", "out of range"),
         ("tcp://h/path", "only host and port"),
         ("tls://h", "--tls-cert"),

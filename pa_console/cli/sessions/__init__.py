@@ -1,1 +1,1 @@
-"""The sessions that verbs open, which are live, joined, served, followed or recorded."""
+"""The sessions that verbs open: live, joined, served, followed or recorded."""

@@ -1,4 +1,4 @@
-"""Agents at a port of a console, or on stdin and stdout."""
+"""Agents that connect to a port of a console, or through stdin and stdout."""
 
 import asyncio
 import os

@@ -1,4 +1,7 @@
-"""The fleet for `--fleet`, and the keys that sign for it; its modules are imported when needed."""
+"""The fleet for `--fleet`, and the keys that sign its commands.
+
+The modules of fleets are imported only when they are needed.
+"""
 
 import hashlib
 import os
@@ -32,13 +35,13 @@ if TYPE_CHECKING:
     from pa_console.station.assembly import Site
 
 STATION, TELEMETRY, JOINED = "station", "telemetry", "joined"
-"""The certificates of a station, of its connection for telemetry, and of a joined console."""
+"""The roles of certificates: a station, its connection for telemetry, and a joined console."""
 FIRST_REPORTS_S = 5.0
 """The longest wait for a report from every asset on a link, in seconds."""
 
 
 class DrivenFleet(NamedTuple):
-    """The fleet of a session and the part of it on a message bus; None for a simulated fleet."""
+    """The fleet of a session, and its part on a message bus; both are None if it is simulated."""
 
     fleet: "MqttFleet | LinkedFleet | None" = None
     bus: "MqttFleet | None" = None
@@ -90,9 +93,9 @@ class FoundFleet:
             self.joined.link.close()
 
     def clock(self, own: Clock) -> Clock:
-        """Return the clock of the robots, or `own` if there are none.
+        """Return the clock of the robots, or `own` if there are no robots.
 
-        A paced site waits for the mission. Other robots run at their own speed.
+        The station advances the time of a paced site; the time of other robots runs by itself.
         """
         if self.joined is None:
             return DevicesClock() if self.links else own
@@ -126,8 +129,8 @@ def find_fleet(
 ) -> FoundFleet:
     """Join the bus and open the links at `urls`.
 
-    If robots join the world, it is stored beside the folder of logs, where a replay finds it.
-    Raises ValueError, and DocumentError if the world is not valid.
+    If robots join, the world that includes them is stored beside the folder of logs, where a replay
+    finds it. Raises ValueError, and DocumentError if the world is not valid.
     """
     if not urls:
         return FoundFleet(world)
@@ -218,8 +221,8 @@ def claim_credentials(
 ) -> "Credentials | None":
     """Return credentials of `role` for one connection; None if the bus is not encrypted.
 
-    Raises ValueError in the cases of `certificate_folder`, and if other programs use all of the
-    certificates.
+    Raises ValueError in the same cases as `certificate_folder`, and if other programs use all of
+    the certificates.
     """
     from pa_console.fleets.vda5050.broker import Credentials  # noqa: PLC0415
 
@@ -230,7 +233,7 @@ def claim_credentials(
 def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> Path | None:
     """Return the folder of certificates for a bus; None if the bus is not encrypted.
 
-    Raises ValueError if the folder is missing, or given for a bus that is not encrypted.
+    Raises ValueError if an encrypted bus has no folder, or if an unencrypted bus has one.
     """
     if address.tls and certificates is None:
         raise ValueError(
@@ -242,7 +245,7 @@ def certificate_folder(address: "BrokerAddress", certificates: Path | None) -> P
 
 
 def _keep(text: str, name: str, logs: Path) -> Path:
-    """Write a world to the place where the replay of a log in `logs` finds it; return its path."""
+    """Write a world to a file that the replay of a log in `logs` finds; return its path."""
     folder = logs.parent / "worlds"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.yaml"
@@ -265,7 +268,7 @@ def load_authority() -> "StationAuthority | None":
 
 
 def ask_passphrase(name: str) -> str:
-    """Return the passphrase of a key from PA_CONSOLE_PASSPHRASE, or as typed on the terminal."""
+    """Return the passphrase of a key, from PA_CONSOLE_PASSPHRASE or typed on the terminal."""
     if given := os.environ.get(PASSPHRASE_VARIABLE):
         return given
     if not sys.stdin.isatty():

@@ -1,4 +1,4 @@
-"""The session of another station on this console, to watch, countersign and take over."""
+"""A console that joins another station's session, to watch it, countersign and take command."""
 
 import secrets
 from collections.abc import Generator
@@ -41,11 +41,11 @@ class FoundSession:
 
 @contextmanager
 def shared_session(url: str, certificates: Path | None) -> Generator[FoundSession]:
-    """Yield the session that is shared at `url`; raises ValueError if there is none, or no key."""
+    """Yield the session that is shared at `url`; raises ValueError without a session or a key."""
     folder = KeyFolder(ask=ask_passphrase)
     if not folder.made:
         raise ValueError(
-            "--join needs keys of the site: make them with 'pa-console keys make NAME --join "
+            "--join needs keys for the site: make them with 'pa-console keys make NAME --join "
             "OWNER_KEY', and ask the owner to enrol them"
         )
     address = BrokerAddress.parse(url)
@@ -72,9 +72,9 @@ class JoinedSession:
     succession: Succession
 
     def show(self, settings: LoadedSettings, *, plain: bool) -> bool:
-        """Show the session until the operator leaves; return whether it was left to take command.
+        """Show the session until the operator leaves; return whether command is to be taken.
 
-        Raises typer.Exit if a signal ended it.
+        Raises typer.Exit if a signal ended the console.
         """
         if plain:
             from pa_console.cli.sessions.plain import run_joined_plain  # noqa: PLC0415
@@ -88,7 +88,7 @@ class JoinedSession:
         return takes
 
     def command_question(self) -> str:
-        """Return the question before command is taken; raises ValueError if it cannot be taken."""
+        """Return the question to ask before taking command; ValueError if that is not possible."""
         authority = self.succession.prepare(self.station.started)
         return self.station.command_question(authority.trust.next_epoch, authority.name)
 
@@ -101,12 +101,12 @@ class JoinedSession:
 
     @property
     def opening(self) -> str:
-        """The line shown while a console opens that will take command."""
+        """The line that is shown during the opening of a console that will take command."""
         return f"Opening the console; {self.station.station} is in command until then ..."
 
     @contextmanager
     def reporting_unless_taken(self) -> Generator[None]:
-        """Report that the other station keeps command, if the block ends before it was taken."""
+        """Report, if the block ends without a takeover, that the other station keeps command."""
         try:
             yield
         finally:
@@ -143,7 +143,8 @@ def joining(
 ) -> Generator[JoinedSession]:
     """Join the session at `url`, with the world and rules of `options`, while the context lasts.
 
-    Raises ValueError if there is no session, or if key, world or rules are missing here.
+    Raises ValueError if there is no session, or if this machine lacks a key, the world or the
+    rules.
     """
     with shared_session(url, options.certificates) as shared:
         log, folder, address = shared.log, shared.folder, shared.log.link.address
@@ -153,8 +154,8 @@ def joining(
         rules = SessionSites((), (options.rules,)).rules_of(started)
         if rules is None:
             raise ValueError(
-                f"the rules {started.rules!r} of this session are not installed here unchanged; "
-                "give their file with --rules"
+                f"the rules {started.rules!r} of this session are not installed here, or they "
+                "have changed; give their file with --rules"
             )
         signatory = Signatory(*person)
 
@@ -173,20 +174,20 @@ def joining(
 
 
 def shared_world(events: list[Event], given: str, settings: LoadedSettings) -> World:
-    """Return the world of the session, which may be `given`; raises ValueError if it is missing."""
+    """Return the session's world, `given` or installed; raises ValueError if it is missing."""
     started = _started_of(events)
     near = (settings.values.logs or default_folder()) / "log"
     path = SessionSites((given,)).world_file(started, near)
     if path is None:
         raise ValueError(
-            f"the world {started.world!r} of this session is not installed here unchanged (SHA-256 "
-            f"{started.world_sha256[:12]}); give its file with --world"
+            f"the world {started.world!r} of this session is not installed here, or it has "
+            f"changed (SHA-256 {started.world_sha256[:12]}); give its file with --world"
         )
     return open_world(str(path))[0]
 
 
 def _started_of(events: list[Event]) -> SessionStarted:
-    """Return the first event of the session; raises ValueError if it is not its start."""
+    """Return the event that starts the session; raises ValueError if it is not the first event."""
     started = events[0].data
     if not isinstance(started, SessionStarted):
         raise ValueError("the shared events do not begin with the start of a session")

@@ -1,4 +1,4 @@
-"""The live session of every front end, new or resumed, with its site, station and log."""
+"""The live session that every front end opens, new or resumed, with its site, station and log."""
 
 import sys
 from collections.abc import Callable, Generator
@@ -92,7 +92,7 @@ class LiveSession:
 
     @contextmanager
     def logged(self, writer: LogWriter, end: Callable[[int], None]) -> Generator[None]:
-        """Log the session in the block to `writer`; `end` is called with a signal to end it."""
+        """Log the block's session with `writer`; `end` is called with a signal that ends it."""
         with end_signals(end), writer:
             self.station.write_to(writer)
             if not self.options.stepped:
@@ -193,10 +193,10 @@ def choose_session(
 ) -> tuple[ResumedSession, Path] | None:
     """Return the unclosed session of the site's world with its log, if it is to be resumed.
 
-    Its open missions and alarms are printed. `wanted` is the answer from the command line; if it is
+    Its open missions and alarms are printed. `wanted` is the choice from the command line; if it is
     None, the operator is asked. Without a terminal, a new session starts. If the session cannot be
-    resumed, the reason is printed and a new session starts; if it is `wanted`, ValueError is raised
-    instead.
+    resumed, ValueError is raised if `wanted` is True; otherwise, the reason is printed and a new
+    session starts.
     """
     if wanted is False:
         return None
@@ -223,14 +223,14 @@ def choose_session(
 
 def _asked() -> bool:
     if not sys.stdin.isatty():
-        errors.print("A new session starts; resume that one with --resume.")
+        errors.print("A new session starts; to resume the unclosed one, use --resume.")
         return False
-    question = "Resume it? Nothing is dispatched automatically. No starts a new session"
+    question = "Resume it? Nothing is dispatched automatically. 'n' starts a new session"
     return typer.confirm(question, default=True, err=True)
 
 
 def _problem(unclosed: UnclosedSession, site: Site, model_sha256: str, scenario: str | None) -> str:
-    """Return why the session cannot be resumed; '' if it may be possible."""
+    """Return why the session cannot be resumed; '' if it probably can."""
     started = unclosed.started
     if scenario is not None and scenario not in (started.scenario, f"{started.scenario}.yaml"):
         played = f"the scenario {started.scenario!r}" if started.scenario else "no scenario"

@@ -1,4 +1,4 @@
-"""The log of a session, with its index and its witness, and the lookup of recorded logs."""
+"""The log of a session with its index and its witness, and the lookup of recorded logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -46,7 +46,7 @@ def open_log(
 
 
 def recorded_log(context: typer.Context, given: Path) -> Path:
-    """Return the log that is `given` as a file, an id or its beginning, or `last`.
+    """Return the log that is `given` as a file, as an id or its beginning, or as `last`.
 
     Raises ValueError if there is no such log, or if the beginning is ambiguous.
     """
@@ -60,7 +60,7 @@ def recorded_log(context: typer.Context, given: Path) -> Path:
 
 
 def witness_target(given: str) -> str:
-    """Return the address or the absolute path of a witness; raises ValueError if not valid."""
+    """Return the address or absolute path of a witness; raises ValueError if it is not valid."""
     if given.startswith(URLS):
         return given
     if "://" in given:
@@ -82,12 +82,12 @@ def warn(error: LogError) -> None:
 
 
 def usual_file() -> Path:
-    """Return the file with this user's usual times of the steps of a mission."""
+    """Return the path of the file with the usual duration of each step of this user's missions."""
     return platformdirs.user_state_path("pa-console") / "usual-times.json"
 
 
 def report_witness_problem(log: LogWriter) -> None:
-    """Report on stderr if the witness did not get the last head of a log, which is closed."""
+    """Report on stderr if the witness did not receive the last head of a closed log."""
     if log.witness_problem:
         warn_about_witness(
             f"the witness did not receive the last head of the log: {log.witness_problem}"

@@ -51,7 +51,7 @@ from pa_console.views.trace_layout import step_name
 from pa_console.views.waiting import Waiting, load_usual, save_usual
 
 ASKED_BACK = 5
-"""The exit code of a mission that ended with a question and its choices."""
+"""The exit code of a mission that ended with a question to the operator."""
 
 
 def run_mission(
@@ -66,10 +66,11 @@ def run_mission(
     choose: int = 0,
     json: bool,
 ) -> None:
-    """Run the missions of the verb, with `setup` as YAML; raises typer.Exit with the exit code.
+    """Run the missions of the verb; raises typer.Exit with the exit code.
 
-    Without a `standing` instruction, the user at the terminal decides on the plan. If the order
-    leads to a question, the choice with the number `choose` is taken, unless it is 0.
+    `setup` has the incidents before the missions, as YAML. Without a `standing` instruction, the
+    user at the terminal decides on the plan. If the order leads to a question, the choice with the
+    number `choose` is taken, unless that is 0.
     """
     if text is None and options.scenario is None:
         raise ValueError("give a mission in plain language, --scenario NAME, or both")
@@ -136,8 +137,8 @@ def _print_end(
 ) -> None:
     """Print the results of the missions; raises typer.Exit with the exit code, or `unlogged`."""
     code = exit_code([trace.status for trace in traces]) if unlogged is None else BAD_INPUT
-    asked = [trace for trace in traces if _is_asked_back(trace)]
-    if code == EXIT_CODES["held"] and asked:
+    open_questions = [trace for trace in traces if _is_asked_back(trace)]
+    if code == EXIT_CODES["held"] and open_questions:
         code = ASKED_BACK
     if json:
         document = {"mission": traces[0]} if single and len(traces) == 1 else {"missions": traces}
@@ -152,7 +153,7 @@ def _print_end(
             print_answer(out, answer)
         for trace in traces:
             print_trace(out, trace)
-        for trace in asked:
+        for trace in open_questions:
             print_choices(out, trace)
         if not traces and not answers:
             out.print("no alarm needed a response")
@@ -161,16 +162,16 @@ def _print_end(
 
 
 def _is_asked_back(trace: MissionTrace) -> bool:
-    """Return whether the mission ended with a question that nobody at a terminal has answered."""
+    """Return whether the mission ended with a question that no person was there to answer."""
     if trace.status not in ("held", "rejected"):
         return False
-    made = trace.decision
-    nobody = not sys.stdin.isatty() or (made is not None and made.standing)
-    return nobody and bool(trace.asked_choices or trace.offered)
+    decision = trace.decision
+    unattended = not sys.stdin.isatty() or (decision is not None and decision.standing)
+    return unattended and bool(trace.asked_choices or trace.offered)
 
 
 def _choosing(progress: "_Progress", approver: Approver, number: int) -> Approver:
-    """Return an approver that first takes the choice, or the reading, with that number."""
+    """Return an approver that answers the first question with the choice or reading `number`."""
     taken = False
 
     def decide(request: ApprovalRequested) -> Decision | Awaitable[Decision]:
@@ -201,7 +202,7 @@ def read_event(number: int, text: str) -> Incident:
 
 
 class _Progress:
-    """The progress on stderr: each step and, on a terminal, the present wait with its duration.
+    """Progress on stderr: each step and, on a terminal, what is being waited for and for how long.
 
     A session that cannot be logged is ended.
     """
@@ -265,7 +266,7 @@ class _Progress:
     async def ask(self, request: ApprovalRequested) -> Decision:
         """Return the operator's decision on the terminal; the progress line is hidden meanwhile.
 
-        If the operator asks a question, it is answered first, and then the decision is requested
+        If the operator asks a question, the question is answered, and the decision is requested
         again.
         """
         self._status.stop()

@@ -1,4 +1,4 @@
-"""The observers of a session (traces, metrics, alerts, TAK map) and sources of outside reports."""
+"""The observers of a session (traces, metrics, alerts, TAK map), and sources of outside reports."""
 
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -17,7 +17,7 @@ from pa_console.terminal.output import errors
 
 @dataclass(frozen=True)
 class Beside:
-    """The observers of a session; `observer` receives its events, `outside` has reports for it."""
+    """The observers of a session, `observer`, and the sources of reports for it, `outside`."""
 
     observer: Observer
     outside: Outside | None = None
@@ -25,7 +25,7 @@ class Beside:
 
 @dataclass(frozen=True)
 class _Together:
-    """Several sources of reports as one."""
+    """Several sources of reports, combined into one."""
 
     sources: Sequence[Outside]
 
@@ -42,10 +42,10 @@ def observing(
 
     If stderr is `live` (not covered by a screen), changes of the connection to a TAK server are
     reported at once. Raises ValueError if a port cannot be used, a library is missing, an address
-    for alerts is not valid, or the world has no place on the earth.
+    for alerts is not valid, or the world has no position on the earth.
     """
     problems: list[str] = []
-    asked = Observing(
+    choice = Observing(
         settings.traces, settings.trace_words, settings.metrics_port or None, __version__
     )
 
@@ -69,7 +69,7 @@ def observing(
                 also.append(alerts.take)
                 sources.append(alerts)
             outside = _Together(sources) if sources else None
-            yield Beside(stack.enter_context(observed(asked, problems.append, also)), outside)
+            yield Beside(stack.enter_context(observed(choice, problems.append, also)), outside)
     finally:
         for problem in dict.fromkeys(problems):
             errors.print_line(f"warning: {problem}", style="yellow")

@@ -41,9 +41,9 @@ def on_map(
 ) -> Generator[OnMap]:
     """Connect to the TAK server of `settings`, and yield both directions of the connection.
 
-    At the end, `tell` gets a warning if events were not shown. `say` gets each change of the
-    connection, on another thread. Raises ValueError if the server, the certificate or the origin is
-    not valid.
+    `tell` is called at the end with a warning if events were not shown. `say` is called, on another
+    thread, with each change of the connection. Raises ValueError if the server, the certificate or
+    the origin is not valid.
     """
     certificate = Certificate.of(settings.tak_certificate, settings.tak_key, settings.tak_authority)
     server = TakServer.parse(settings.tak, certificate)
@@ -76,10 +76,10 @@ def on_map(
 
 
 def placed(world: World, origin: str, name: str = "", *, replay: bool = False) -> SiteOnMap:
-    """Return the site, called `name` or like the world; `origin` overrides the world's file.
+    """Return the site, named `name` or after its world; `origin` overrides the world file's.
 
-    Raises ValueError if the origin or the name is not valid, or if the world has no place on the
-    earth.
+    Raises ValueError if the origin or the name is not valid, or if the world has no position on
+    the earth.
     """
     geography = geography_of(world, origin, "--origin, --tak-origin")
     return SiteOnMap(world, geography, name or world.name, replay)
@@ -91,7 +91,7 @@ class JoinedEvents:
     def __init__(
         self, log: SharedLog, before: list[Event], world: World, tell: Callable[[str], None]
     ) -> None:
-        """Start with the events `before`, of whose pictures only the last is emitted."""
+        """Start with the events `before`; of the pictures among them, only the last is emitted."""
         self.world = world
         self._log, self._before, self._tell = log, before, tell
 
@@ -101,7 +101,7 @@ class JoinedEvents:
         return f"the session of {self._log.stream.station} at {self._log.link.address}"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events as they arrive, and None regularly, until the session or `ended` ends."""
+        """Yield events as they arrive, and None regularly, until the end or until `ended()`."""
         taken, problem = self._before, ""
         while not ended():
             pictures = [n for n, event in enumerate(taken) if event.data.kind == "telemetry"]
@@ -130,10 +130,10 @@ class RecordedEvents:
     @property
     def title(self) -> str:
         """The id of the session and its speed, in words."""
-        return f"the recorded session {self.log.stem} at {self.speed:g} times its speed"
+        return f"the recorded session {self.log.stem} at {self.speed:g} times its original speed"
 
     def events(self, ended: Callable[[], bool]) -> Iterator[Event | None]:
-        """Yield events when they are due, and None regularly, until the last one or `ended`."""
+        """Yield events when they are due, and None regularly, until the end or until `ended()`."""
         begun, first = time.monotonic(), datetime.now(UTC)
         for number in range(len(self.recording)):
             due_s = self.recording.timeline.seconds[number] / self.speed
@@ -146,16 +146,16 @@ class RecordedEvents:
             yield event.model_copy(update={"t": first + timedelta(seconds=due_s)})
 
 
-def show(asked: FollowOptions, settings: LoadedSettings) -> int:
-    """Send the session until it ends; return the exit code.
+def show(follow: FollowOptions, settings: LoadedSettings) -> int:
+    """Show the session on the map until it ends; return the exit code.
 
     Raises ValueError if the session cannot be followed, the site has no position, or the server
     cannot be used; LogError for a bad log.
     """
     server = TakServer.parse(
-        asked.server, Certificate.of(asked.tls_cert, asked.tls_key, asked.tls_ca)
+        follow.server, Certificate.of(follow.tls_cert, follow.tls_key, follow.tls_ca)
     )
-    name = site_name(asked.name) if asked.name is not None else ""
+    name = site_name(follow.name) if follow.name is not None else ""
     over, ended_by = threading.Event(), 0
 
     def end(number: int) -> None:
@@ -163,11 +163,11 @@ def show(asked: FollowOptions, settings: LoadedSettings) -> int:
         ended_by = number
         over.set()
 
-    with _opened(asked, settings) as followed:
-        site = placed(followed.world, asked.origin, name, replay=bool(asked.replay))
+    with _opened(follow, settings) as followed:
+        site = placed(followed.world, follow.origin, name, replay=bool(follow.replay))
         connection = TakConnection(server, site.uid("station"), _report)
-        pace = asked.speed if asked.replay else 1.0
-        shown = SessionOnMap(site, connection, asked.every, pace)
+        pace = follow.speed if follow.replay else 1.0
+        shown = SessionOnMap(site, connection, follow.every, pace)
         if server.open_to_all:
             _report(f"warning: {server.warning}")
         try:
@@ -186,21 +186,21 @@ def show(asked: FollowOptions, settings: LoadedSettings) -> int:
 
 @contextmanager
 def _opened(
-    asked: FollowOptions, settings: LoadedSettings
+    follow: FollowOptions, settings: LoadedSettings
 ) -> Generator[JoinedEvents | RecordedEvents]:
-    """Open the recorded or the shared session; raises ValueError when there is none."""
-    if asked.replay:
+    """Open the recorded or the shared session; raises ValueError if there is none."""
+    if follow.replay:
         from pa_console.cli.sessions.recorded import read_recording, world_of  # noqa: PLC0415
 
-        log = find_session(settings.values.logs or default_folder(), asked.replay)
+        log = find_session(settings.values.logs or default_folder(), follow.replay)
         recording = read_recording(log)
-        world, _ = open_world(world_of(recording.started, asked.world, log))
-        yield RecordedEvents(recording, log, world, asked.speed)
+        world, _ = open_world(world_of(recording.started, follow.world, log))
+        yield RecordedEvents(recording, log, world, follow.speed)
         return
     from pa_console.cli.sessions.joined import shared_session, shared_world  # noqa: PLC0415
 
-    with shared_session(asked.join, asked.certificates) as shared:
-        world = shared_world(shared.before, asked.world or settings.values.world, settings)
+    with shared_session(follow.join, follow.certificates) as shared:
+        world = shared_world(shared.before, follow.world or settings.values.world, settings)
         yield JoinedEvents(shared.log, shared.before, world, _report)
 
 

@@ -1,4 +1,4 @@
-"""The session of a console, whose model is located while its modules are imported."""
+"""The session of a console; its model is located while modules are still being imported."""
 
 from asyncio import Runner
 from collections.abc import Generator
@@ -34,8 +34,8 @@ def open_console(
 ) -> None:
     """Open a session of this station behind `frame`, and run its console.
 
-    If a session was `joined`, command of it is taken. Raises typer.Exit if a signal ended the
-    session, or if it failed.
+    If a session was `joined`, this station takes command of it. Raises typer.Exit if a signal ended
+    the session, or if the session failed.
     """
     values = settings.values
     with Runner() as loop, ExitStack() as observes:

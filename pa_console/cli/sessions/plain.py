@@ -1,4 +1,4 @@
-"""The session of `pa-console console --plain`, live or joined, in lines."""
+"""The session of `pa-console console --plain`, live or joined, in lines of text."""
 
 import asyncio
 import signal
@@ -63,7 +63,7 @@ async def run_lines(console: SessionLines) -> None:
 
 
 def _output(values: Settings) -> LineOutput:
-    """Return the output of a console in lines, with the delay and the bell of the settings."""
+    """Return the output of a line console, with the approval delay and the bell of the settings."""
 
     def call() -> None:
         if values.bell and sys.stdout.isatty():
@@ -85,7 +85,7 @@ def run_joined_plain(
 ) -> tuple[bool, int]:
     """Show a joined session in lines until it ends or the operator leaves.
 
-    Returns whether it was left to take command, and the signal that ended it, or 0.
+    Returns True if the operator left to take command, and the signal that ended the console, or 0.
     """
     console = JoinedConsole(station, _output(values), command_question)
     endable = EndableRun()

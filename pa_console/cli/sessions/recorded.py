@@ -1,4 +1,4 @@
-"""Recorded sessions, which are shown on the console, verified, simulated again and compared."""
+"""Recorded sessions: showing them on the console, verifying, simulating again, and comparing."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from pa_console.tui.app import Opening
 
 CHANGES = 12
-"""The largest number of differences that are printed; --json has all."""
+"""The largest number of differences that are printed; --json shows all."""
 
 
 def read_recording(log: Path) -> Recording:
@@ -87,7 +87,7 @@ def _run_console(
 def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
     """Return the world and the rules of a session, and report if they have changed since.
 
-    Raises LogError if the file is not a session, and ValueError if its world is missing here.
+    Raises LogError if the file is not a session log, and ValueError if the world is missing here.
     """
     started = recording.started
     site = load_site(world_of(started, world, log), started.rules, unsigned=True)
@@ -97,9 +97,9 @@ def _site_of(recording: Recording, log: Path, world: str | None) -> Site:
 
 
 def world_of(started: SessionStarted, given: str | None, log: Path) -> str:
-    """Return the place of the session's world: given, installed, or in the evaluation of its log.
+    """Return the name or path of a session's world: given, installed, or stored beside the log.
 
-    Raises ValueError if there is none.
+    Raises ValueError if there is no such world.
     """
     name = given or started.world
     if find_data("worlds", name, "world.yaml").is_file():
@@ -123,7 +123,7 @@ class ReplaySetup:
 
 @dataclass(frozen=True)
 class Again:
-    """The result of a session that was simulated again; `line` is that of the first difference.
+    """The result of simulating a session again; `line` is the log's line with the first difference.
 
     `decided` is None if the rules of the session are missing here.
     """
@@ -148,7 +148,7 @@ def _run_again(log: Path, place: ReplaySetup) -> Again:
     """Simulate the session of `log` again with its recorded decisions and answers.
 
     Raises ValueError (or DocumentError) if its world or scenario is missing here, and LogError if
-    the file is not a session.
+    the file is not a session log.
     """
     recording = read_recording(log)
     started = recording.started
@@ -168,8 +168,8 @@ def _run_again(log: Path, place: ReplaySetup) -> Again:
 def show_again(log: Path, place: ReplaySetup, json: bool) -> None:
     """Simulate the session of `log` again, and print the result; a difference exits with code 1.
 
-    A log that cannot be read to its end is compared up to that place, and then its LogError is
-    raised.
+    If the log cannot be read to its end, the session is compared up to that place, and then the
+    LogError is raised.
     """
     again = _run_again(log, place)
     if json:
@@ -200,7 +200,7 @@ def _print_again(log: Path, again: Again) -> None:
     if decided is None:
         errors.print_line(
             f"{log}: the plans were not checked again, because the rules of this session are not "
-            "installed here unchanged; give their file with --rules"
+            "installed here, or they have changed; give their file with --rules"
         )
         return
     for flip in decided.flips:
@@ -220,7 +220,7 @@ def _print_again(log: Path, again: Again) -> None:
 def _original_world(
     sites: SessionSites, started: SessionStarted, given: str | None, log: Path
 ) -> tuple[World, Path]:
-    """Return the session's world, found by its hash, or the one given in its place."""
+    """Return the session's world, found by its hash, or the world given in its place."""
     path = sites.world_file(started, log)
     if path is None and given is not None:
         errors.print_line(f"note: {given} differs from the world of this session")
@@ -233,9 +233,9 @@ def _original_world(
 def _situation(
     world: World, path: Path, given: str | None, started: SessionStarted
 ) -> Scenario | None:
-    """Return the session's scenario, if it had one, or the one given in its place.
+    """Return the session's scenario, if there was one, or the scenario given in its place.
 
-    Raises ValueError if the scenario with that name has another hash than in the log.
+    Raises ValueError if the scenario's hash differs from the one in the log.
     """
     played = given or started.scenario
     if not played:
@@ -250,8 +250,8 @@ def _situation(
     if pinned and loaded.sha256 != pinned:
         if given is None:
             raise ValueError(
-                f"the scenario {played!r} of this session is not installed here unchanged "
-                f"(SHA-256 {pinned[:12]}); give its file with --scenario"
+                f"the scenario {played!r} of this session is not installed here, or it has "
+                f"changed (SHA-256 {pinned[:12]}); give its file with --scenario"
             )
         errors.print_line(f"note: {given} differs from the scenario of this session")
     return loaded.scenario
@@ -321,26 +321,24 @@ def _print(
 
 
 def _print_difference(
-    title: str, found: EventDifference, both: tuple[Recording, Recording]
+    title: str, difference: EventDifference, both: tuple[Recording, Recording]
 ) -> None:
     out.print(f"\n{title}", style="bold")
-    for letter, recording, at in zip("AB", both, (found.a, found.b), strict=True):
+    for letter, recording, at in zip("AB", both, (difference.a, difference.b), strict=True):
         if at >= len(recording):
             out.print(f"  {letter}  ends after {count(len(recording), 'event')}")
             continue
         event = recording[at]
         words = f"{event.mission or ''} {kind_in_words(event.data.kind)}".strip()
-        said = event_in_words(event.data)
+        content = event_in_words(event.data)
         when = f"{recording.timeline.seconds[at]:.1f} s, tick {event.tick}"
         line = Text(f"  {letter}  event {at + 1}, {when}: ")
-        line.append(words, "bold").append(f" {said[:160]}")
+        line.append(words, "bold").append(f" {content[:160]}")
         out.print_line(line)
-    for change in found.changes[:CHANGES]:
+    for change in difference.changes[:CHANGES]:
         out.print_line(f"     {change.path}: {_short(change.a)} | {_short(change.b)}")
-    if len(found.changes) > CHANGES:
-        out.print(
-            f"     and {count(len(found.changes) - CHANGES, 'more value')}; show all with --json"
-        )
+    if (more := len(difference.changes) - CHANGES) > 0:
+        out.print(f"     and {count(more, 'more value')}; show all with --json")
 
 
 def _short(text: str) -> str:
@@ -352,8 +350,8 @@ def _short(text: str) -> str:
 class TrustedKeys:
     """The fingerprints of trusted keys in addition to this machine's keys.
 
-    With `unsigned`, a log without a signature is accepted as well. `witness` is the file with the
-    heads that a witness has received.
+    If `unsigned` is True, a log without a signature is accepted as well. `witness` is the file with
+    the heads that a witness has received.
     """
 
     keys: frozenset[str] = frozenset()
@@ -361,7 +359,7 @@ class TrustedKeys:
     witness: Path | None = None
 
     def accepts(self, result: VerifyResult) -> bool:
-        """Return whether a log is signed with a trusted key, or need not be signed."""
+        """Return whether a log is signed with a trusted key, or is accepted unsigned."""
         unsigned = self.unsigned and result.ok and result.standing == "not signed"
         return result.intact or unsigned
 

@@ -69,9 +69,9 @@ def run_screen(
 
 
 def keep_loaded() -> None:
-    """Exclude the objects loaded so far, which live until the end, from garbage collection.
+    """Exclude the objects loaded so far, which are needed until the end, from garbage collection.
 
-    With 1,000 assets, a collection would delay the screen by 70 ms. Present garbage is not
-    collected first, because that would delay the first paint by 80 ms.
+    With 1,000 assets, a collection would delay the screen by 70 ms. Existing garbage is not
+    collected first, because that would delay the first painting by 80 ms.
     """
     gc.freeze()

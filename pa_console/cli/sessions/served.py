@@ -26,7 +26,7 @@ from pa_console.terminal.output import FAILED, errors, out
 
 
 def serve_session(options: SessionOptions, settings: LoadedSettings, port: int) -> int:
-    """Serve a new session until Ctrl-C, SIGTERM or its end; return the exit code.
+    """Serve a new session until it ends, or Ctrl-C or SIGTERM ends it; return the exit code.
 
     Raises DocumentError or ValueError if the session cannot be opened, and LogError if its log
     cannot be opened.
@@ -105,7 +105,7 @@ async def _serve(
 
 
 def _greet(address: str, tokens: TokenBook) -> None:
-    """Print the address of the interface and, if there is no token yet, an access token."""
+    """Print the address of the interface and, if no token has been made yet, an access token."""
     out.print_line(f"{address}/docs")
     offer_token(tokens, "session")
     errors.print("Ctrl-C ends the session: moving assets go to safety, and the log is closed.")

@@ -14,7 +14,7 @@ from pa_console.terminal.output import errors, out, print_json
 def token_book(trust: Trust | None = None) -> TokenBook:
     """Return the tokens of this machine's user, with the roles in the roster of `trust`.
 
-    `trust` is by default that of the site on this machine, if there is one.
+    By default, `trust` is that of the site whose keys are on this machine, if there is one.
     """
     if trust is None and (site_keys() / SITE_OWNER).exists():
         from pa_console.fleets.key_folder import KeyFolder  # noqa: PLC0415 - only with keys
@@ -48,18 +48,18 @@ def show(*, json: bool = False) -> None:
 
 
 def revoke(name: str, *, json: bool = False) -> None:
-    """Revoke a token, which is refused from the next request on."""
-    gone = token_book().revoke(name)
+    """Revoke a token; it is refused from the next request on."""
+    token = token_book().revoke(name)
     if json:
-        print_json({"revoked": _without_hash(gone)})
+        print_json({"revoked": _without_hash(token)})
     else:
-        out.print(f"revoked: {gone.id}, {gone.person}, {gone.role}")
+        out.print(f"revoked: {token.id}, {token.person}, {token.role}")
 
 
 def offer_token(tokens: TokenBook, lasting: str) -> None:
-    """Print a token for this machine's user, which is not stored, unless there are tokens already.
+    """If no tokens are stored, print a token for this machine's user, without storing it.
 
-    `lasting` is its validity in words.
+    `lasting` names the period for which the token is valid, such as `run`.
     """
     if tokens.listed():
         return
@@ -72,7 +72,7 @@ def offer_token(tokens: TokenBook, lasting: str) -> None:
 
 
 def this_user() -> str:
-    """Return the name of this machine's user in the form for a token."""
+    """Return the name of this machine's user, with the characters that a token's name may have."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", getpass.getuser()).strip("-_") or "operator"
 
 

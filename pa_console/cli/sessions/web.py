@@ -1,7 +1,7 @@
 """The console in a browser: `textual-serve` with tokens, on loopback, for one browser at a time.
 
-Each console in a browser has its own session, so there is only one at a time. A second browser has
-to wait, but an operator replaces an observer.
+Each console in a browser opens a session, so only one console is open at a time. A second browser
+has to wait, except that an operator's browser replaces an observer's.
 """
 
 import asyncio
@@ -30,18 +30,18 @@ from pa_console.http.tokens import Bearer, TokenBook
 from pa_console.terminal.output import errors, out
 
 COOKIE = "pa-console-{port}"
-"""The name of a browser's cookie, with the port.
+"""The name of a browser's cookie, which includes the port.
 
-A browser sends its cookies to every port of this address, so the name must differ for each port.
+A browser sends its cookies to every port of an address, so the name must differ for each port.
 """
 LOOK_S = 5.0
-"""The time between two checks of the token of an open console, in seconds."""
+"""The time in seconds between two checks of the token of an open console."""
 CLOSE_S = 1.0
 """The longest wait for a browser to confirm that its window is closed, in seconds."""
 LEAVE_S = 20.0
 """The longest wait for a console to bring its assets to safety and close its log, in seconds."""
 WRONG = (0.5, 10)
-"""The limit of wrong tokens, per second and at once."""
+"""The limits on wrong tokens: the number per second, and the number at once."""
 HEADERS = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -91,7 +91,7 @@ class ServedConsole(Server):
         self._watched = False
         """True if the open console belongs to an observer."""
         self.begun = asyncio.Event()
-        """Set once the server listens and handles signals."""
+        """An event that is set once the server listens and handles signals."""
         self._left = asyncio.Event()
 
     async def until_ended(self) -> int:
@@ -129,7 +129,7 @@ class ServedConsole(Server):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Answer an admitted request, and set the rank of its connection."""
+        """Answer a request if it is admitted, and set the rank of its connection."""
         address = request.transport.get_extra_info("peername") if request.transport else None
         with self._listening.request(address) as connection:
             self._admit(request)
@@ -156,9 +156,9 @@ class ServedConsole(Server):
     def _bearer(self, request: web.Request) -> Bearer | None:
         """Return the bearer of the browser's token; None if the browser was not admitted."""
         token = self._let_in.get(request.cookies.get(self._cookie, ""))
-        return self._found(token) if token else None
+        return self._bearer_of(token) if token else None
 
-    def _found(self, token: str) -> Bearer | None:
+    def _bearer_of(self, token: str) -> Bearer | None:
         with suppress(RefusedError, ValueError, OSError):
             return self._tokens.find(token)
         return None
@@ -174,7 +174,7 @@ class ServedConsole(Server):
         except TimeoutError as error:
             raise web.HTTPRequestTimeout from error
         token = str(given.get("token", "")).strip()
-        if self._found(token) is None:
+        if self._bearer_of(token) is None:
             wait = self._wrong.take("")
             again = f"; wait {wait} s" if wait else ""
             return _page(f"This token is not valid on this machine{again}.", 429 if wait else 401)
@@ -187,7 +187,7 @@ class ServedConsole(Server):
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
         """Open a console for one browser; it is read-only for an observer.
 
-        The console of an operator replaces that of an observer, which is closed properly.
+        An operator's console replaces an observer's console, which is closed properly.
         """
         bearer, own = self._bearer(request), asyncio.current_task()
         if bearer is None or own is None:

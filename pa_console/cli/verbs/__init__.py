@@ -33,10 +33,11 @@ VERBS = {
 }
 """The help of each verb, in order, equal to the docstring or help in its module.
 
-A verb is the function with its name, or the `app` of a group, in the module with its name.
+A verb is a function or, for a group, `app`, in the module that has the verb's name. The function
+has the verb's name, too.
 """
 MODULES = {"eval": "evaluate"}
-"""The modules of verbs whose names have another meaning in Python."""
+"""The modules of verbs whose own names have another meaning in Python."""
 EXAMPLES = {
     "console": "pa-console console --scenario situation-1-unauthorized",
     "mission": 'pa-console mission "Move the drone to the east gate." --approve auto',
@@ -115,7 +116,7 @@ def load_verb(name: str) -> Any:
 
 
 class Verbs(TyperGroup):
-    """The group of all verbs, which has their help and loads a verb when it is called."""
+    """The group of all verbs, which shows their help and loads a verb when the verb is called."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -124,7 +125,7 @@ class Verbs(TyperGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return name and command of the verb, and the remaining words; raises TyperException."""
+        """Return a verb's name, its command, and the remaining words; raises TyperException."""
         name, _, rest = super().resolve_command(ctx, args)
         return name, load_verb(name) if name is not None else None, rest
 
@@ -141,9 +142,10 @@ def _name_types(command: Any) -> None:
 
 
 def _add_examples(app: typer.Typer, above: str = "") -> None:
-    """Add its example, which `EXAMPLES` has by its words, to the help of every verb below `app`.
+    """Add its example to the help of every verb below `app`.
 
-    The short help of a verb is the complete first paragraph of its help.
+    `EXAMPLES` has the examples by the verbs' words. The short help of a verb is the complete first
+    paragraph of its help.
     """
     for command in app.registered_commands:
         name = command.name or (command.callback.__name__ if command.callback else "")
@@ -158,6 +160,6 @@ def _add_examples(app: typer.Typer, above: str = "") -> None:
 
 
 def _ended(text: object, words: str) -> str:
-    """Return the end of a help text with the example of a verb, whose lines are not joined."""
+    """Return `text`, the end of a verb's help, followed by the verb's example, unwrapped."""
     example = [f"\b\nExample:\n  {EXAMPLES[words]}"] if words in EXAMPLES else []
     return "\n\n".join([text, *example] if isinstance(text, str) else example)

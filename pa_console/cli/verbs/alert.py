@@ -1,4 +1,4 @@
-"""`pa-console alert`: a test alert to all people who would be alerted."""
+"""`pa-console alert`: a test alert to all people who would receive alerts."""
 
 import typer
 

@@ -1,4 +1,4 @@
-"""`pa-console console`: the console, on a screen or in lines."""
+"""`pa-console console`: the console, on a screen or in lines of text."""
 
 import os
 import sys

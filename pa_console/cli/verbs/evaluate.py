@@ -67,9 +67,9 @@ from pa_console.station.assembly import load_site
 from pa_console.terminal.output import errors, out, print_json, warn_of_altered
 
 COLUMN_GAP = 2
-"""The number of characters between two columns."""
+"""The number of characters between two columns of a table."""
 TITLE_WORD = 9
-"""The length from which words of a column's title may be broken, because model names are long."""
+"""The length from which a word in a column's title may be broken, because model names are long."""
 
 app = typer.Typer(
     help="Evaluate models and variants of the pipeline on mission sets.",
@@ -200,7 +200,7 @@ def evaluate(
     ] = None,
     jobs: Annotated[
         int,
-        typer.Option(min=1, help="Runs in parallel, which share the cores and affect the times."),
+        typer.Option(min=1, help="Number of parallel runs, which affects the measured times."),
     ] = 1,
     reuse: Annotated[
         bool,
@@ -229,8 +229,8 @@ def evaluate(
     one_of(jobs=jobs > 1, workers=bool(workers), scheduler=bool(scheduler))
     variants = [find_variant(name) for name in variant or ("full",)]
     reader = settings_of(context).values.second_reader
-    asked = model or [None]
-    local_models = [find_model(name, second_reader=reader) for name in asked]
+    requested = model or [None]
+    local_models = [find_model(name, second_reader=reader) for name in requested]
     models = {local.name: local for local in local_models}
     folder = output or evaluations_folder() / f"{datetime.now():%Y%m%d-%H%M%S}"
     files = [mission_file(name, site.world_path) for name in missions or ("paper",)]
@@ -251,7 +251,7 @@ def evaluate(
     began = perf_counter()
     try:
         if workers or scheduler:
-            names = {local.name: name for local, name in zip(local_models, asked, strict=True)}
+            names = {local.name: name for local, name in zip(local_models, requested, strict=True)}
             where = workers or scheduler
             made = _swept(results, planned, where, models, names, reader, reuse=reuse, logs=logs)
         else:
@@ -305,7 +305,7 @@ def _made_here(
     reuse: bool,
     logs: bool,
 ) -> AsyncGenerator[RunRecord]:
-    """Return the iterator over runs that are made in this process."""
+    """Return an iterator over the runs, which are made in this process."""
     threads = max(1, physical_cores() // lanes)
 
     def engine_for(name: str, lane: int) -> MemoEngine:
@@ -327,10 +327,10 @@ def _swept(
     reuse: bool,
     logs: bool,
 ) -> AsyncGenerator[RunRecord]:
-    """Return the iterator over runs that are made on workers.
+    """Return an iterator over the runs, which are made on workers.
 
-    `where` is the number of local processes, or the address of a scheduler. `names` has the
-    requested file of each model. Raises ValueError if Dask is not installed.
+    `where` is the number of local processes, or the address of a scheduler. `names` has the name or
+    file with which each model was requested. Raises ValueError if Dask is not installed.
     """
     with naming_what_is_missing("sweep", "a sweep needs"):
         from pa_console.evaluation.sweep import ModelOnWorker, Sweep, Workers  # noqa: PLC0415
@@ -345,7 +345,7 @@ def _swept(
 async def _count(
     made: AsyncGenerator[RunRecord], results: EvaluationFolder, planned: list[Job]
 ) -> None:
-    """Consume the runs `made`, and show their progress."""
+    """Make the runs by iterating over `made`, and show the progress."""
     done = results.done
     with EvalProgress(len(planned), sum(job.run in done for job in planned)) as progress:
         async with aclosing(made) as records:
@@ -361,7 +361,7 @@ def sets_of(planned: Sequence[Job]) -> list[str]:
 def _about(
     results: EvaluationFolder, sets: list[str], seconds: float, jobs: int, reuse: bool
 ) -> dict[str, object]:
-    """Return the options of the runs for the report, merged with those in the folder."""
+    """Return the description of the runs for the report, merged with that in the folder."""
     before = read_about(results.folder)
     records = results.records
     return {
@@ -381,7 +381,8 @@ def _about(
 def _report(folder: Path, *, json: bool) -> None:
     """Write both reports and print the tables, or everything as JSON.
 
-    Without the extra `eval`, the tables are printed and a line tells how to install it.
+    Without the extra `eval`, only the tables are printed, and a line with the command that installs
+    it.
     """
     from pa_console.evaluation.reporting.report import (  # noqa: PLC0415 - numpy is slow
         MARKDOWN,

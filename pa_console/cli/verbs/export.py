@@ -53,7 +53,7 @@ LogArgument = Annotated[
 
 
 def opened(context: typer.Context, log: Path) -> OpenedSession:
-    """Return the session of `log`, and report on stderr if it cannot be read to its end."""
+    """Return the session of `log`; report on stderr if the log cannot be read to its end."""
     log = recorded_log(context, log)
     with errors.status(f"reading {log.name}"):
         session = open_session(log)
@@ -66,7 +66,7 @@ def opened(context: typer.Context, log: Path) -> OpenedSession:
 
 
 def written(target: Path, content: str) -> None:
-    """Print the place and the content of the export."""
+    """Print the path of the export, and its content in words."""
     out.print_line(f"{target}: {content}")
 
 
@@ -104,7 +104,7 @@ def svg(
         ),
     ] = None,
     every: Annotated[
-        float | None, typer.Option(min=0.1, help="Take a screenshot every so many seconds instead.")
+        float | None, typer.Option(min=0.1, help="Seconds between screenshots, instead of --at.")
     ] = None,
     *,
     film: FilmOptions,
@@ -191,7 +191,7 @@ def cast(
 
 
 def size_of(text: str) -> tuple[int, int]:
-    """Return columns and rows; raises ValueError if the size is not valid."""
+    """Return the columns and rows of `text`; raises ValueError if the size is not valid."""
     match = re.fullmatch(r"(\d{1,4})[xX×](\d{1,4})", text.strip())
     size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(low <= n <= high for low, n, high in zip(LEAST, size, MOST, strict=True)):

@@ -89,7 +89,7 @@ def make(
     join: Annotated[
         str | None,
         typer.Option(
-            metavar="KEY", help="Join the site with this owner's key, who must enrol you."
+            metavar="KEY", help="Join the site whose owner has this key; the owner enrols you."
         ),
     ] = None,
     passphrase: PassphraseOption = False,
@@ -203,7 +203,7 @@ def takeover(
 
 @contextmanager
 def _changing(url: str, certificates: Path | None) -> Generator[KeyFolder]:
-    """Yield the keys of this machine for a change; then show them, and publish them at `url`."""
+    """Yield this machine's keys for a change; then publish it at `url`, and show the keys."""
     folder = KeyFolder(ask=ask_passphrase)
     with on_bus(folder, url, certificates):
         yield folder
@@ -231,8 +231,8 @@ def _show(folder: KeyFolder, *, json: bool = False) -> None:
         table.add_row(row.kind, row.name, row.role, row.state, here, fingerprint(row.key))
     out.print(table)
     for sha, rule_set in roster.rules.items():
-        asked = approvals_in_words(rule_set.approvals)
-        more = f"; required approvals: {asked}" if asked else ""
+        required = approvals_in_words(rule_set.approvals)
+        more = f"; required approvals: {required}" if required else ""
         out.print_line(f"rules {rule_set.name} {sha[:12]}{more}")
     out.print_line(f"roster {roster.serial}; {trust.in_command}")
     if trust.takeover.station in trust.revoked:
@@ -247,8 +247,8 @@ def _new_passphrase(*, wanted: bool) -> str:
         return ""
     if given := os.environ.get(PASSPHRASE_VARIABLE):
         return given
-    asked = typer.prompt("New passphrase", hide_input=True, confirmation_prompt=True, err=True)
-    return cast(str, asked)
+    typed = typer.prompt("New passphrase", hide_input=True, confirmation_prompt=True, err=True)
+    return cast(str, typed)
 
 
 def _enrolled(book: Rulebook) -> tuple[str, EnrolledRules]:
@@ -267,7 +267,7 @@ def _public(key: str) -> str:
 
 @contextmanager
 def on_bus(folder: KeyFolder, url: str, certificates: Path | None) -> Generator[None]:
-    """Store newer messages from the bus at `url` in `folder`, and retain the newest afterwards.
+    """Store newer messages from the bus at `url` in `folder`; afterwards, publish the newest there.
 
     Does nothing without a `url`. Raises ValueError if there is no connection to the broker.
     """
@@ -320,7 +320,7 @@ def sign(
 
 
 def _read_approval(file: Path) -> UnsignedApproval:
-    """Return the approval to sign in `file`; raises DocumentError or ValueError if not valid."""
+    """Return the approval to sign from `file`; DocumentError or ValueError if there is none."""
     name = "standard input" if str(file) == "-" else str(file)
     if str(file) == "-":
         text: bytes = sys.stdin.buffer.read(MOST_BYTES + 1)
@@ -345,7 +345,7 @@ def _read_approval(file: Path) -> UnsignedApproval:
 
 
 def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
-    """Print on stderr the content of the bytes to sign, without other parts of the file."""
+    """Print the content of the bytes to sign on stderr, but no other part of the file."""
     approval: Approval = unsigned.approval
     roster = folder.trust().roster if folder.made else None
     station = roster.station_of(approval.station) if roster is not None else ""
@@ -365,7 +365,7 @@ def _show_approval(unsigned: UnsignedApproval, folder: KeyFolder) -> None:
 
 
 def _agreed(file: Path) -> bool:
-    """Return the answer to a question on the terminal; raises ValueError without a terminal."""
+    """Ask on the terminal whether to sign, and return the answer; ValueError without a terminal."""
     if str(file) == "-" or not sys.stdin.isatty():
         raise ValueError(
             "signing needs a confirmation; give a file and run this on a terminal, or use --yes"

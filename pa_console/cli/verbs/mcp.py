@@ -1,4 +1,4 @@
-"""`pa-console mcp`: an agent connected to a console, or in a simulated session of its own."""
+"""`pa-console mcp`: an agent connected to a console, or to a separate simulated session."""
 
 from typing import Annotated
 

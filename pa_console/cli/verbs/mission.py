@@ -1,4 +1,4 @@
-"""`pa-console mission`: one mission through all eight steps, without the screen."""
+"""`pa-console mission`: one mission, or those of a situation, without the screen."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,7 +13,7 @@ from pa_console.cli.settings_defaults import OBSERVED, settings_of
 
 
 class Approve(StrEnum):
-    """The ways in which a plan is approved."""
+    """The ways in which plans are approved."""
 
     ask = "ask"
     auto = "auto"
@@ -49,8 +49,8 @@ def mission(
     approve: Annotated[
         Approve,
         typer.Option(
-            help="ask: ask on the terminal; auto: approve what the safeguards allow and was read "
-            "with confidence; never: reject."
+            help="ask: ask on the terminal; auto: approve a plan that the safeguards allow, if its "
+            "order was read with confidence; never: reject every plan."
         ),
     ] = Approve.ask,
     override_reason: Annotated[

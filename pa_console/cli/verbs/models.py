@@ -1,4 +1,4 @@
-"""`pa-console models`: list the catalogue, pull a model."""
+"""`pa-console models`: the catalogue of models, and downloads."""
 
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -62,7 +62,7 @@ def pull(
     name: Annotated[
         str | None,
         typer.Argument(
-            help="Model in the catalogue. Default: the one the console uses by default.",
+            help="Model in the catalogue. Default: the console's default model.",
             autocompletion=completion.models,
         ),
     ] = None,
@@ -70,14 +70,14 @@ def pull(
         bool,
         typer.Option(
             "--with-second-reader",
-            help="Also download the model that reads an order again if this one is unsure of it.",
+            help="Also download the model that reads an order again if this model is unsure.",
         ),
     ] = False,
     fetch_only: Annotated[
         bool,
         typer.Option(
             "--fetch-only",
-            help="Do not convert the weights; the next pull or the console does.",
+            help="Do not convert the weights; the next pull or the console converts them.",
         ),
     ] = False,
     json: JsonOption = False,

@@ -1,4 +1,4 @@
-"""`pa-console replay`: verify a session log, or play it back."""
+"""`pa-console replay`: a recorded session, shown, verified, simulated again or compared."""
 
 from pathlib import Path
 from typing import Annotated
@@ -44,8 +44,8 @@ def replay(
     witness: Annotated[
         Path | None,
         typer.Option(
-            help="With --verify: file of a witness; the first head that it received and the log "
-            "lacks is reported."
+            help="With --verify: file of a witness; the first head in it that the log lacks is "
+            "reported."
         ),
     ] = None,
     again: Annotated[
@@ -67,8 +67,8 @@ def replay(
         typer.Option(
             "--compare",
             metavar="LOG",
-            help="Report the first event that differs in LOG, and its differences. Exits with 1 if "
-            "the sessions differ.",
+            help="Report the first event that differs from LOG, and how. Exits with 1 if the "
+            "sessions differ.",
         ),
     ] = None,
     screen: Annotated[

@@ -13,14 +13,14 @@ from pa_console.resources import naming_what_is_missing
 
 PORT = 8765
 OWN = frozenset(("port", "web", "make_token", "person", "tokens", "revoke_token", "json"))
-"""The options of this verb that the console does not have."""
+"""The options of this verb that the verb `console` does not have."""
 IN_FILES = {
     "world": ("", "world.yaml"),
     "rules": ("", "rules.yaml"),
     "scenario": ("",),
     "model": ("",),
 }
-"""The options that may be a path, with the names of the file if the path is a folder."""
+"""The options that may be the path of a file ('') or of a folder with a file of this name."""
 RoleName = Literal["observer", "proposer", "operator", "commander"]
 
 
@@ -105,7 +105,7 @@ def _console(context: typer.Context) -> list[str]:
 
 
 def _whole(name: str, value: Any) -> Any:
-    """Return the `value` of the option `name`, with an absolute path if it is one.
+    """Return the `value` of the option `name`; a path is made absolute.
 
     World, rules, scenario and model may also be installed names, which remain unchanged.
     """

@@ -86,7 +86,7 @@ def _table(summaries: list[SessionSummary], sound: list[Soundness]) -> Table:
 
 
 def _title(summary: SessionSummary) -> Text:
-    """Return the title, and the scenario if it differs from the title."""
+    """Return a session's title, and its scenario if that differs from the title."""
     title = Text(visible(summary.title))
     if summary.scenario and summary.scenario != summary.title:
         title.append(f" ({visible(summary.scenario)})", "dim")
@@ -94,7 +94,7 @@ def _title(summary: SessionSummary) -> Text:
 
 
 def _show(log: Path, reference: str, json: bool) -> None:
-    """Print a session: place, time, missions and log; `reference` is its name for other verbs."""
+    """Print a session: place, time, missions and log; other verbs find it by `reference`."""
     with errors.status("reading the session log"):
         summary, standing = summarise(log), soundness(log)
     if json:

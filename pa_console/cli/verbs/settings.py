@@ -1,4 +1,4 @@
-"""`pa-console settings`: the settings with their origins, shown, changed or reset."""
+"""`pa-console settings`: settings and their origins, shown, changed or reset."""
 
 from typing import Annotated, Any
 

@@ -166,9 +166,9 @@ def init(
 
 
 def _vehicles(world: World) -> Vehicles | None:
-    """Return the verifiers of the vehicles; None if this machine has no site keys.
+    """Return the verification of commands by the vehicles; None if there are no site keys here.
 
-    They use wall time, like the station that signs, regardless of the speed of the site.
+    It uses wall time, like the station that signs, regardless of the speed of the site.
     """
     folder = KeyFolder()
     if not folder.made:

@@ -1,4 +1,4 @@
-"""`pa-console world`: worlds, which are generated, made from robots, or checked."""
+"""`pa-console world`: worlds, generated, built from robots, or checked."""
 
 from pathlib import Path
 from typing import Annotated
@@ -107,7 +107,7 @@ def _refuse_existing(output: Path | None, *, force: bool) -> None:
 
 
 def _write(world: World, output: Path | None, options: str) -> None:
-    """Write a world to `output`, by default stdout; `options` are printed as those to open it."""
+    """Write a world to `output`, by default stdout, and print how to open it with `options`."""
     text = world_yaml(world)
     if output is None:
         print_document(text)

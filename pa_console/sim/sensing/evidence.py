@@ -1,9 +1,9 @@
 """Evidence about contacts: the sensors' statements and the station's conclusions.
 
 A statement counts only if its sensor had the contact in reach, as far as the station knows both
-places. A sensor has one vote: its latest statement replaces the earlier one. Votes are weighted by
-the kind of sensor. If sensors contradict each other, the identity is unknown, unless several agree
-against one.
+positions. A sensor has one vote: its latest statement replaces the earlier one. Votes are weighted
+by the kind of sensor. If sensors contradict each other, the identity is unknown, unless several
+sensors agree against a single one.
 """
 
 import math
@@ -20,8 +20,8 @@ from pa_console.sim.sensing_state import Detection, Statement, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 ROBOT_WEIGHT, OTHER_WEIGHT = 2, 1
-"""Weights of a ground robot, which has dealt with the contact (`identify`), and of other sensors,
-which have only observed it."""
+"""The weights of a ground robot, which has dealt with the contact (`identify`), and of another
+sensor, which has only observed it."""
 NEEDED_WEIGHT = 2
 """The least weight that supports an identity: one ground robot, or two other sensors."""
 TWO_SENSORS = 2
@@ -29,17 +29,21 @@ TWO_SENSORS = 2
 OUTWEIGHS = 2
 """The least ratio of weights at which several sensors prevail over contradicting ones."""
 WITHDRAWN_S = 10.0
-"""Seconds after its last suspicion at which a sensor withdraws it by detecting no noncombatants."""
+"""If a sensor detects no noncombatants this many seconds after its last suspicion of any, the
+suspicion ends."""
 FORGOTTEN_S = 60.0
-"""Seconds after the last suspicion at which another sensor ends it."""
+"""If another sensor detects no noncombatants this many seconds after the last suspicion of any, the
+suspicion ends too."""
 _CONTRARY: Mapping[Identity, tuple[IdentityClaim, ...]] = {
     "authorized": ("unauthorized", "hostile"),
     "unauthorized": ("authorized",),
 }
 _POSITION_DOUBT_M = 5.0
-"""The largest error of a reported position that the station may not notice (`sim/integrity.py`)."""
+"""The largest error of a reported position that the station may fail to notice
+(`sim/sensing/integrity.py`)."""
 _CONTACT_MPS = 20.0
-"""The speed of the fastest contact; it limits the move since another sensor's detection."""
+"""The speed of the fastest contact; it limits the distance moved since another sensor's
+detection."""
 _SIGMAS = 3.0
 
 
@@ -76,7 +80,7 @@ def learn(  # noqa: PLR0917 - a statement: its sensor, its contact and its time
 
 
 def identity_of(file: TrackFile) -> Identity:
-    """Return the identity that the statements support; unknown if they contradict each other."""
+    """Return the identity that the statements support, unknown if they contradict each other."""
     if file.identified != "unknown":
         return file.identified
     claims = _claims(file)
@@ -106,8 +110,8 @@ def disputed_claims(file: TrackFile) -> dict[str, IdentityClaim]:
 def intent_of(file: TrackFile) -> Intent:
     """Return the intent that the sensors' opinions confirm.
 
-    A hostile intent needs two independent sensors. A benign intent needs two as well, or the only
-    sensor that identified the contact, and no hostile opinion.
+    A hostile intent needs two independent sensors. A benign intent also needs two, or the only
+    sensor that identified the contact, and no sensor may have a hostile opinion.
     """
     hostile = len(hostile_by(file))
     if hostile >= TWO_SENSORS:
@@ -134,8 +138,9 @@ def hostile_by(file: TrackFile) -> tuple[str, ...]:
 def suspects_noncombatants(terrain: Terrain, file: TrackFile) -> bool:
     """Return whether noncombatants are suspected (ROE-08).
 
-    A suspicion ends if its sensor has had the contact close by for WITHDRAWN_S without detecting
-    any, or if any sensor has, FORGOTTEN_S after the suspicion was last reported.
+    A suspicion ends if a sensor has the contact close by and detects no noncombatants. If it is the
+    sensor that had the suspicion, WITHDRAWN_S must have passed since it last reported the
+    suspicion; if it is another sensor, FORGOTTEN_S.
     """
     if file.suspected:
         return True
@@ -173,13 +178,13 @@ def _claims(file: TrackFile) -> Mapping[str, IdentityClaim]:
 
 
 def _statement(terrain: Terrain, file: TrackFile, sensor: str) -> Statement:
-    """Return the statement of a sensor so far, or an empty one."""
+    """Return the present statement of a sensor, or an empty statement."""
     statement = next((entry for entry in file.statements if entry.sensor == sensor), None)
     return statement or Statement(sensor, weight_of(terrain, sensor))
 
 
 class _SensorReach(NamedTuple):
-    """A sensor's place, its greatest reach, and the distance at which it certainly detects well."""
+    """A sensor's place, its reach, and the distance within which a contact is certainly close."""
 
     at: Point
     reach_m: float
@@ -187,9 +192,9 @@ class _SensorReach(NamedTuple):
 
 
 def _place(terrain: Terrain, scene: Scene, sensor: str, stamp: int) -> _SensorReach | None:
-    """Return the known place of a sensor at tick `stamp`; a camera never moves.
+    """Return the known place and reach of a sensor at tick `stamp`; a camera never moves.
 
-    Return None for an asset whose latest report is too old.
+    Returns None for an asset whose latest report is too old.
     """
     world = terrain.world
     camera, asset = world.cameras.get(sensor), world.assets.get(sensor)

@@ -1,13 +1,13 @@
-"""Trust in reported positions: physics, odometry and other sensors against forgery.
+"""Trust in reported positions, which are compared with physics, odometry and other sensors.
 
-Detected are: a jump that no asset of the kind can make since its last report; a position that
-creeps while the asset reports standing still (GPS drift); an asset that a gate camera or a UAV at
-the same gate does not see at its reported position. An asset stays suspect until its reports have
+An asset becomes suspect if it jumps farther than its kind can move since the last report; if its
+position creeps while it reports that it stands still (GPS drift); or if a gate camera, or a UAV at
+the same gate, does not see it at its reported position. It stays suspect until its reports have
 been sound for SOUND_S, or another sensor has seen it at its reported position for as long.
 
-Not detected are: drift below CREEP_M, or of a moving asset until it stops; a forged report that
-repeats the asset's position, or gives a reachable one after a silence, unless a camera or UAV
-watches the place; false values other than the position (battery, task).
+The following are not detected: drift below CREEP_M; drift of a moving asset, until it stops; a
+forged report that repeats the asset's position, or gives a reachable position after a silence,
+unless a camera or UAV watches the place; and false values other than the position (battery, task).
 """
 
 import math
@@ -29,7 +29,7 @@ SPEED_MARGIN = 1.5
 NOISE_M = 1.0
 CREEP_M = 3.0
 SEEN_M = 2.5
-"""The accuracy of another sensor's position of an asset, in metres."""
+"""The accuracy, in metres, with which another sensor measures the position of an asset."""
 GAP_PERIODS = 2.5
 SOUND_S = 3.0
 UNSEEN_S = 3.0
@@ -37,7 +37,7 @@ UNSEEN_S = 3.0
 
 
 def judge(world: World, record: Heard, report: Report) -> PositionTrust:
-    """Return the trust in an asset's positions after `report`; `record` is from before it."""
+    """Return the trust in an asset's positions after `report`; `record` is the record before it."""
     trust, last, now = record.trust, record.telemetry.like, report.telemetry.like
     if trust.carried_tick is not None:
         return PositionTrust(stood=_standing(now))
@@ -65,9 +65,9 @@ def judge(world: World, record: Heard, report: Report) -> PositionTrust:
 def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = None) -> None:
     """Compare the reports of assets that stand at a gate with the detections of sensors there.
 
-    A working camera, or a UAV that reports from the same gate itself, recognizes an asset of the
-    team that stands in its view. Call this once per telemetry period. `seen` has the positions
-    where the sensors recognize assets; by default these are the simulated positions.
+    A working camera at the gate recognizes an asset of the team that stands in its view, and so
+    does a UAV whose own reports arrive from there. Call this once per telemetry period. `seen` has
+    the positions at which sensors recognize assets; by default, these are the simulated positions.
     """
     world, station = terrain.world, scene.station
     fresh = scene.tick - round(2 * world.telemetry_period_s / world.dt_s)
@@ -94,7 +94,7 @@ def compare(terrain: Terrain, scene: Scene, seen: Mapping[str, Point] | None = N
 def _watch(
     terrain: Terrain, scene: Scene, gate: str, names: Iterable[str], fresh: int
 ) -> tuple[list[str], list[str]]:
-    """Return the working cameras at `gate`, and the UAVs of `names` that detect for themselves."""
+    """Return the working cameras at `gate`, and the UAVs in `names` whose detections count."""
     cameras = [
         name
         for name, camera in terrain.world.cameras.items()
@@ -117,7 +117,7 @@ def _in_view(terrain: Terrain, name: str, point: Point, weather: Weather) -> boo
 
 
 def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
-    """Return whether `name` is a UAV whose own detections arrive from its reported place."""
+    """Return whether `name` is a UAV that really reports, and detects, from its reported place."""
     asset, record = scene.assets[name], scene.station.heard[name]
     return (
         asset.kind == "uav"
@@ -133,7 +133,7 @@ def _witness(world: World, scene: Scene, name: str, fresh: int) -> bool:
 
 
 def _witnessed(world: World, record: Heard, there: bool) -> PositionTrust:
-    """Return the trust after another period in which other sensors saw the asset or missed it."""
+    """Return the trust after a further period; `there` is True if other sensors saw the asset."""
     trust, period_s = record.trust, world.telemetry_period_s
     if there:
         if not trust.suspect:
@@ -150,7 +150,7 @@ def _witnessed(world: World, record: Heard, there: bool) -> PositionTrust:
 
 
 def _possible(world: World, now: AssetTelemetry, before: Point, since_s: float) -> bool:
-    """Return whether an asset of the kind can have moved from `before` within `since_s`."""
+    """Return whether an asset of this kind can have moved from `before` in `since_s` seconds."""
     if now.position == before:
         return True
     limit = SPEED_MARGIN * world.platforms[now.kind].speed_mps * since_s + NOISE_M
@@ -160,7 +160,7 @@ def _possible(world: World, now: AssetTelemetry, before: Point, since_s: float) 
 def _creeps(world: World, now: AssetTelemetry, trust: PositionTrust, since_s: float) -> bool:
     """Return whether an asset that reports standing still has left its place.
 
-    After a gap in its reports it may have moved and stopped again.
+    After a gap in its reports, this is False, because the asset may have moved and stopped again.
     """
     stood = trust.stood
     if stood is None or now.position == stood or _standing(now) is None:
@@ -191,8 +191,9 @@ def _returned(
 ) -> bool:
     """Return whether a suspect asset's reports may be true again.
 
-    They may be if the asset is back where it stood; if it has left the place where it was missed;
-    or if its position departs from the doubtful ones and can be reached from the last sound one.
+    They may be true if the asset is back where it stood. Otherwise, its position must be reachable
+    from the last sound position, and away from the place where other sensors missed it. If there is
+    no such place, the position must have jumped away from the doubtful positions.
     """
     now = report.telemetry.like
     if trust.stood is not None and math.dist(now.position, trust.stood) <= NOISE_M:

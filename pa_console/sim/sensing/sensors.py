@@ -1,4 +1,4 @@
-"""Detections: range, field of view, line of sight, weather, chance and noise (CAP-03)."""
+"""Detections, which depend on range, view, line of sight, weather, chance and noise (CAP-03)."""
 
 import math
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ WATCH_S = 10.0
 REPORTING_S = 5.0
 """Seconds for which a robot keeps its proximity sensors on a contact after identifying it."""
 AT_FULL_RANGE = 0.5
-"""The share of the detection probability that is left at the end of the range."""
+"""The share of the detection probability that remains at the end of the range."""
 WEATHER: dict[Weather, tuple[float, float]] = {
     "clear": (1.0, 1.0),
     "rain": (0.8, 0.85),
     "fog": (0.5, 0.7),
 }
-"""The remaining share of a sensor's range and of its detection probability."""
+"""The shares of a sensor's range and of its detection probability that remain in each weather."""
 _PHANTOM_STANDOFFS = 4.0
 _PHANTOM_MPS = 2.0
 _BOX_MARGIN_M = 0.001
@@ -47,7 +47,7 @@ class _Hit:
 
 @dataclass(slots=True)
 class _Eyes:
-    """The working sensors: names, specs, and an array (n, 5) of x, y, range, heading, half view."""
+    """The working sensors: names, specs, and `rows` (n, 5) of x, y, range, heading, half view."""
 
     names: list[str]
     specs: list[Sensing]
@@ -57,11 +57,11 @@ class _Eyes:
 
 
 def scan(terrain: Terrain, scene: Scene) -> Found:
-    """Return the present detections of every working sensor that has any.
+    """Return the present detections of every working sensor that detects anything.
 
     A ground asset that identifies or warns detects the contacts at its gate with certainty,
     regardless of walls and weather; it keeps detecting a contact for a while after identifying it.
-    Its findings are repeated in each of its reports, so a lost report does no harm.
+    Its findings are repeated in each of its reports, so that a lost report does no harm.
     """
     state = scene.sensing
     if not (state.contacts or state.phantoms):
@@ -123,9 +123,9 @@ def detection_chance(spec: Sensing, gap_m: float, reach_m: float) -> float:
 
 
 def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) -> _Eyes:
-    """Collect the working sensors, cameras first; those at close quarters have their full range.
+    """Collect the working sensors, cameras first; assets that identify or warn have full range.
 
-    Assets too far from the bounding box of `targets` (n, 2) to detect any are left out.
+    Assets too far from the bounding box of `targets` (n, 2) to detect any of them are left out.
     """
     (left, low), (right, high) = targets.min(axis=0).tolist(), targets.max(axis=0).tolist()
     world, broken = terrain.world, scene.sensing.broken
@@ -162,7 +162,7 @@ def _eyes(terrain: Terrain, scene: Scene, targets: Floats, range_part: float) ->
 
 
 def _detection(terrain: Terrain, scene: Scene, hit: _Hit) -> Detection:
-    """Measure a contact and form the sensor's opinion of it; update the time of watching."""
+    """Measure a contact, form the sensor's opinion of it, and count the time of watching."""
     state, world, contact = scene.sensing, terrain.world, hit.contact
     key = (hit.sensor, contact.id)
     finding = state.findings.get(key, ContactFinding())

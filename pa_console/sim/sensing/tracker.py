@@ -28,9 +28,9 @@ from pa_console.sim.sensing_state import Detection, Sighting, TrackFile
 from pa_console.sim.worlds.terrain import Terrain
 
 ACCELERATION_MPS2 = 1.0
-"""One sigma of the acceleration that a contact may show at any time."""
+"""The standard deviation of the acceleration that a contact may have at any time."""
 SPEED_SIGMA_MPS = 8.0
-"""One sigma of the speed on each axis of a contact without an estimate."""
+"""The standard deviation of the speed, on each axis, of a contact without an estimate."""
 LEAST_SIGMA_M = 0.05
 _SURPRISE = 18.4
 """The squared error, in sigmas, that one in ten thousand measurements exceeds in two dimensions."""
@@ -45,17 +45,17 @@ _KNOWN_SPEED_MPS = 2.0
 _LEAST_MOVE_M, _PLACE_SIGMAS = 1.0, 4.0
 _SLOW_MPS = 1.0
 _STANDS_S = 20.0
-"""The time without movement after which a track stands, in seconds, even if the slowest walker
-could have stayed within the error of the estimate."""
+"""The time in seconds without movement after which a track counts as standing, even if the slowest
+walker could have stayed within the error of the estimate."""
 _DEFIANT_M = 2.0
 DROP_S = 20.0
-"""Seconds after its last detection at which a track is dropped."""
+"""Seconds after which a track that is no longer detected is dropped."""
 SEEN_PERIODS = 3
 """The number of telemetry periods for which a detection counts as present."""
 
 
 def measure(file: TrackFile, at: Point, sigma_m: float, tick: int, dt_s: float) -> None:
-    """Add a measurement made at `tick`; one older than the latest is first extrapolated to it.
+    """Add a measurement made at `tick`; an older one is first extrapolated to the latest tick.
 
     A surprising measurement means that the contact's motion has changed, so the speed is estimated
     again.
@@ -120,7 +120,7 @@ def conclude(terrain: Terrain, file: TrackFile) -> None:
 
 
 def is_moving(file: TrackFile) -> bool:
-    """Return whether the estimated speed is certainly not zero."""
+    """Return whether the contact certainly moves, according to its estimated speed."""
     limit = max(_MOVING_MPS, _MOVING_SIGMAS * math.sqrt(file.speed_variance))
     return math.hypot(file.vx, file.vy) > limit
 
@@ -131,7 +131,7 @@ def gap_to_gate(terrain: Terrain, file: TrackFile) -> float:
 
 
 def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
-    """Return the direction in which a track has certainly moved since its last such move.
+    """Return the status of a track that has certainly moved since its last certain move, else None.
 
     This keeps a creeping track from counting as stopped, however noisy its speed is.
     """
@@ -145,12 +145,12 @@ def _displaced(terrain: Terrain, file: TrackFile) -> TrackStatus | None:
 
 
 def _doubt_m(file: TrackFile) -> float:
-    """Return the distance that two estimates of one place may have, in metres."""
+    """Return how far apart, in metres, two estimates of the same place may be."""
     return max(_LEAST_MOVE_M, _PLACE_SIGMAS * math.sqrt(2.0) * file.sigma_m)
 
 
 def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
-    """Return the status that the estimate alone suggests; the present one if it is unclear."""
+    """Return the status that the estimate alone suggests; the present status if it is unclear."""
     margin = max(1.0, file.sigma_m)
     if depth_m > margin or (file.status == "inside" and depth_m > -margin):
         return "inside"
@@ -168,7 +168,11 @@ def _says(terrain: Terrain, file: TrackFile, depth_m: float) -> TrackStatus:
 
 
 def _watch_defiance(terrain: Terrain, file: TrackFile) -> None:
-    """Detect that a warned contact continues: nearer to its gate, or inside, beyond the error."""
+    """Detect that a warned contact continues.
+
+    It continues if it comes nearer to its gate by more than the error, if it enters, or if it moves
+    on inside.
+    """
     if file.warned_tick is None or file.defiant:
         return
     if (file.tick - file.warned_tick) * terrain.world.dt_s < SETTLED_S:
@@ -224,7 +228,7 @@ def name_of(scene: Scene, contact: str) -> str:
 
 
 def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: Point) -> TrackFile:
-    """Begin a track, numbered by first detection and heading for its gate."""
+    """Begin a track with the next number; it is assumed to head for its gate."""
     state = scene.sensing
     state.numbered += 1
     gate = terrain.gate_of(at)
@@ -247,7 +251,7 @@ def _open(terrain: Terrain, scene: Scene, stamp: int, detection: Detection, at: 
 
 
 def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection: Detection) -> None:
-    """Store time and place of a sensor's detection, and whether the contact has been warned."""
+    """Store the time and place of a sensor's detection, and whether the contact was warned."""
     if detection.position is not None:
         latest = next((sighting for sighting in file.seen if sighting.sensor == sensor), None)
         if latest is None or stamp >= latest.tick:
@@ -260,7 +264,7 @@ def _note(terrain: Terrain, file: TrackFile, sensor: str, stamp: int, detection:
 
 
 def tracks_known(terrain: Terrain, scene: Scene) -> dict[str, Track]:
-    """Return the tracks of the picture, from the detections that arrived."""
+    """Return the tracks for the picture, from the detections that arrived."""
     if not scene.sensing.files:
         return {}
     review(terrain, scene)

@@ -44,7 +44,7 @@ _LANE_M = 95.0
 _LEAST_LANE_M = 50.0
 _LANE_CLEAR_M = 12.0
 _PLACE_M2 = 11.0
-"""The ground that one standing place takes in a frame, in square metres."""
+"""The ground that one standing place in a frame takes, in square metres."""
 _CLEAR_M = 9.0
 _TRIES = 400
 MOST_GATES = len(_GATE_WORDS.split())
@@ -74,7 +74,7 @@ def _rectangle(rng: random.Random) -> list[Point]:
 
 
 def _ell(rng: random.Random) -> list[Point]:
-    """Return an L; the notch is its upper right corner, or the mirror image."""
+    """Return an L, with its notch at the upper right, or its mirror image."""
     x, y = rng.uniform(0.6, 0.8), rng.uniform(0.5, 0.7)
     notch_x, notch_y = x * rng.uniform(-0.1, 0.3), y * rng.uniform(-0.1, 0.3)
     points = [(-x, -y), (x, -y), (x, notch_y), (notch_x, notch_y), (notch_x, y), (-x, y)]
@@ -98,12 +98,12 @@ def _mirrored(points: Sequence[Point]) -> list[Point]:
 
 
 def gates(rng: random.Random, count: int) -> list[str]:
-    """Return `count` names of gates, all different."""
+    """Return `count` different names of gates."""
     return [f"{word}Gate" for word in rng.sample(_GATE_WORDS.split(), count)]
 
 
 def posts(rng: random.Random, count: int) -> list[str]:
-    """Return `count` names of posts, all different."""
+    """Return `count` different names of posts."""
     return rng.sample(_POSTS, count)
 
 
@@ -113,12 +113,12 @@ def base(rng: random.Random) -> str:
 
 
 def zones(rng: random.Random, count: int) -> list[str]:
-    """Return `count` names of restricted zones, all different."""
+    """Return `count` different names of restricted zones."""
     return rng.sample(_ZONES, count)
 
 
 def team(rng: random.Random) -> dict[AssetKind, str]:
-    """Return a team's name for each kind of asset, before `_Tnn`."""
+    """Return, for each kind of asset, the part of an asset's name before `_Tnn`."""
     return rng.choice(_TEAMS)
 
 
@@ -134,7 +134,7 @@ class GateSite:
 
 @dataclass(frozen=True, slots=True)
 class GeneratedGround:
-    """All parts of a generated world that have a place; circles are (centre, radius)."""
+    """All parts of a generated world that have a position; circles are (centre, radius)."""
 
     perimeter: tuple[Point, ...]
     gates: tuple[GateSite, ...]
@@ -146,7 +146,7 @@ class GeneratedGround:
 
 
 def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> GeneratedGround:
-    """Return ground for the given numbers of gates, assets and posts; it is enlarged to fit."""
+    """Return ground that is large enough for the given numbers of gates, assets and posts."""
     the_outline = outline(rng)
     room = math.sqrt(assets * _PLACE_M2 / math.pi) + 3.0
     radii = [max(9.0, room), *[9.0] * (posts - 1)]
@@ -179,7 +179,7 @@ def lay_out(rng: random.Random, gates: int, assets: int, posts: int) -> Generate
 
 
 def _sites(rng: random.Random, perimeter: Sequence[Point]) -> list[GateSite]:
-    """Return places for gates along the perimeter, each with a lane clear of the others."""
+    """Return places for gates along the perimeter, each with a lane clear of other gates' lanes."""
     polygon = Polygon(perimeter)
     sites: list[GateSite] = []
     lanes: list[LineString] = []
@@ -243,7 +243,7 @@ def _circles(
     sites: Sequence[GateSite],
     radii: Sequence[float],
 ) -> list[tuple[Point, float]] | None:
-    """Return a free circle for each radius, or None if one does not fit."""
+    """Return a free circle for each radius, or None if a circle does not fit."""
     polygon = Polygon(perimeter)
     gates = [site.at for site in sites]
     circles: list[tuple[Point, float]] = []
@@ -287,7 +287,7 @@ def _zones(
 def _barriers(
     rng: random.Random, inner: BaseGeometry, taken: Sequence[BaseGeometry], count: int
 ) -> tuple[tuple[Point, Point], ...]:
-    """Return up to `count` straight walls with room to pass on all sides."""
+    """Return up to `count` straight walls that can be passed on all sides."""
     walls: list[LineString] = []
     left, low, right, high = inner.bounds
     for _ in range(_TRIES):

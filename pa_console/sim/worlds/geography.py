@@ -1,4 +1,4 @@
-"""The place of a world on the earth: conversion of its metres to WGS-84 degrees and back."""
+"""The position of a world on the earth: conversion of its metres to WGS-84 degrees and back."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ Triple = tuple[float, float, float]
 _TO_GEODETIC = cast(Callable[..., Triple], pymap3d.enu2geodetic)
 _TO_PLANE = cast(Callable[..., Triple], pymap3d.geodetic2enu)
 CURVED_M = 1000.0
-"""The depth of the ground below the plane at a distance of 110 km; farther points are not near."""
+"""The depth of the ground below the plane at 110 km; points farther away do not count as near."""
 _CACHED = 8192
 
 
@@ -26,7 +26,7 @@ class Geography:
     """
 
     def __init__(self, origin: Origin) -> None:
-        """Set `origin`, the place of (0, 0) and the bearing of the y axis."""
+        """Set `origin`, the position of (0, 0) and the bearing of the y axis."""
         self.altitude = origin.altitude
         """The height of the ground above the ellipsoid in metres, or None if unknown."""
         self._at = (origin.latitude, origin.longitude, origin.altitude or 0.0)
@@ -50,7 +50,7 @@ class Geography:
         return float(x), float(y)
 
     def near(self, latitude: float, longitude: float) -> Point | None:
-        """Return the point like `metres`, or None if the earth has curved away from the plane."""
+        """Return the point as `metres` does; None if it is deeper than CURVED_M below the plane."""
         *_, up = _TO_PLANE(latitude, longitude, self._at[2], *self._at)
         return self.metres(latitude, longitude) if up > -CURVED_M else None
 
@@ -85,13 +85,13 @@ def origin_of(text: str) -> Origin:
 def geography_of(world: World, origin: str, options: str) -> Geography:
     """Return the geography of `world`; a non-empty `origin` overrides that of its file.
 
-    Raises ValueError for an invalid origin, and for a world without one; `options` names the other
-    ways to give an origin.
+    Raises ValueError for an invalid origin, and for a world without an origin. The message for the
+    latter names `options`, the options that give an origin.
     """
     at = origin_of(origin) if origin else world.origin
     if at is None:
         raise ValueError(
-            f"the world {world.name!r} does not say where on the earth it is: give its origin as "
-            f"LATITUDE,LONGITUDE ({options}), or 'origin' in its file"
+            f"the world {world.name!r} has no position on the earth: give its origin as "
+            f"LATITUDE,LONGITUDE ({options}), or as 'origin' in its file"
         )
     return Geography(at)

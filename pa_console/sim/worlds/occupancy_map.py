@@ -1,8 +1,8 @@
 """Occupancy maps of robots (ROS `map_server`: a YAML file and a PGM image) as a background.
 
-A pixel is the probability that its place is occupied: (255 - value) / 255, or value / 255 with
-`negate`. Above `occupied_thresh` the place is occupied, below `free_thresh` it is free, between
-them unknown. The origin is the lower left corner of the image, in metres.
+A pixel gives the probability that its place is occupied: (255 - value) / 255, or value / 255 with
+`negate`. Above `occupied_thresh`, the place is occupied; below `free_thresh`, it is free; between
+them, it is unknown. The origin is the lower left corner of the image, in metres.
 """
 
 import math
@@ -28,7 +28,7 @@ MOST_PIXELS = 64_000_000
 """The largest number of pixels in an image; maps of laboratories have about one million."""
 
 LEAST_TURN = 1e-3
-"""The smallest turn of a map that is taken into account, in radians."""
+"""The smallest rotation of a map that is taken into account, in radians."""
 
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 
@@ -36,8 +36,8 @@ _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*([^\s#]+)")
 class MapFile(StrictModel):
     """The YAML file of a map."""
 
-    image: str = Field(min_length=1, description="the PGM file, beside this one unless absolute")
-    resolution: Positive = Field(description="metres a pixel")
+    image: str = Field(min_length=1, description="the PGM file, relative to this file or absolute")
+    resolution: Positive = Field(description="metres per pixel")
     origin: tuple[float, float, float] = Field(description="x, y in metres, yaw in radians")
     negate: Annotated[int, Field(ge=0, le=1)] | bool = False
     occupied_thresh: Share = 0.65
@@ -46,7 +46,7 @@ class MapFile(StrictModel):
 
 
 def read_occupancy_map(path: Path) -> Background:
-    """Read the map with the YAML file `path`, with at most MOST_ROWS rows and columns.
+    """Read the map with the YAML file `path`, reduced to at most MOST_ROWS rows and columns.
 
     Raises DocumentError with file, line and field.
     """
@@ -55,13 +55,13 @@ def read_occupancy_map(path: Path) -> Background:
     if settings.mode == "raw":
         raise document.error(("mode",), "raw maps have no probabilities; save the map as trinary")
     if settings.origin[2] != 0.0:
-        problem = "a turned map cannot be shown; turn the image, and give yaw 0.0"
+        problem = "a rotated map cannot be shown; rotate the image, and set yaw to 0.0"
         raise document.error(("origin",), problem)
     if settings.free_thresh >= settings.occupied_thresh:
         raise document.error(("free_thresh",), "must be below occupied_thresh")
     image = path.parent / settings.image
     if image.suffix.lower() != ".pgm":
-        problem = f"{settings.image}: only PGM is read; convert it, such as with ImageMagick"
+        problem = f"{settings.image}: only PGM can be read; convert it, e.g. with ImageMagick"
         raise document.error(("image",), problem)
     value = _read_pgm(image)
     occupancy = value if settings.negate else 1.0 - value
@@ -83,10 +83,10 @@ def _read_pgm(path: Path) -> npt.NDArray[np.float64]:
         header.append(token.group(1))
         at = token.end()
     if len(header) < 4 or header[0] not in (b"P2", b"P5") or not b"".join(header[1:]).isdigit():
-        raise DocumentError(str(path), 1, "", "this is no PGM image (P2 or P5)")
+        raise DocumentError(str(path), 1, "", "this is not a PGM image (P2 or P5)")
     width, height, most = (int(token[:9]) for token in header[1:])
     if not 0 < most < 65536 or not 0 < width * height <= MOST_PIXELS:
-        problem = f"a size of {width} x {height} pixels up to {most} is not read"
+        problem = f"an image of {width} x {height} pixels with values up to {most} cannot be read"
         raise DocumentError(str(path), 1, "", problem)
     count, body = width * height, data[at + 1 :]
     pixels: npt.NDArray[Any]
@@ -98,9 +98,9 @@ def _read_pgm(path: Path) -> npt.NDArray[np.float64]:
         try:
             pixels = np.array(body.split()[:count], np.float64)
         except ValueError as error:
-            raise DocumentError(str(path), 2, "", "a pixel is no number") from error
+            raise DocumentError(str(path), 2, "", "a pixel is not a number") from error
     if pixels.size < count:
-        problem = f"{pixels.size} of {count} pixels: the file was cut off"
+        problem = f"only {pixels.size} of {count} pixels: the file was cut off"
         raise DocumentError(str(path), 2, "", problem)
     return pixels.reshape(height, width).astype(np.float64) / most
 

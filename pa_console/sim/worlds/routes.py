@@ -15,10 +15,10 @@ from pa_console.schema.base import Point
 from pa_console.schema.world import AssetKind, Wall, World
 
 CLEARANCE_M = 0.8
-"""Metres between the hull of a vehicle on a route and a wall or zone."""
+"""The distance in metres between the hull of a vehicle on a route and a wall or zone."""
 OUTSIDE_MARGIN_M = 60.0
 MOST_AREAS = 256
-"""The number of areas of free ground that are cached per world."""
+"""The number of areas of free ground that are cached for each world."""
 _TOLERANCE_M = 0.01
 
 Route = tuple[Point, ...]
@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 class Area:
     """Free ground, connected or not, with the shortest ways between its corners.
 
-    The ways are computed at the first request, so that a world can be read without them.
+    The ways are computed when they are first needed, so that a world can be read without them.
     """
 
     def __init__(self, free: BaseGeometry) -> None:
@@ -43,11 +43,11 @@ class Area:
         return bool(shapely.contains_xy(self._tolerant, x, y))
 
     def contains_all(self, points: Sequence[Point]) -> npt.NDArray[np.bool_]:
-        """Return, for each of the (n) points, whether it is free."""
+        """Return for each of n points whether it is free."""
         return np.atleast_1d(shapely.contains_xy(self._tolerant, np.array(points)))
 
     def path(self, start: Point, target: Point) -> Route | None:
-        """Return the waypoints of the shortest way from `start` to `target`, or None without a way.
+        """Return the waypoints of the shortest way from `start` to `target`; None if there is none.
 
         If the start is not free, the way first leads to the nearest free point.
         """
@@ -94,7 +94,7 @@ class Area:
         return tuple((float(self._nodes[i, 0]), float(self._nodes[i, 1])) for i in way)
 
     def _reach(self, point: Floats) -> Floats:
-        """Return the straight distance from `point` to every visible corner, inf to the others."""
+        """Return the distances from `point` to every corner; inf if the corner is not visible."""
         seen = self._sees(np.broadcast_to(point, self._nodes.shape), self._nodes)
         return np.where(seen, np.linalg.norm(self._nodes - point, axis=1), np.inf)
 
@@ -121,7 +121,7 @@ class RoutePlanner:
     ) -> Route | None:
         """Return waypoints from `start` (excluded) to `target`, or None if it is unreachable.
 
-        A ground asset keeps clear of walls and of `avoid`, the obstructions that it knows.
+        A ground asset keeps clear of walls and of `avoid`, the obstructions that it has detected.
         Restricted zones are avoided unless an end of the route lies inside one; the perimeter is
         left only if an end lies outside it (ROE-06, ROE-07).
         """

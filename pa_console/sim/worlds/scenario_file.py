@@ -1,4 +1,4 @@
-"""Scenario files: loading, and checking that the world has all the names in them."""
+"""Scenario files: loading, and checking that all names in them exist in the world."""
 
 import hashlib
 from collections.abc import Iterator
@@ -44,8 +44,8 @@ def open_scenario(world: World, world_path: Path, name: str) -> LoadedScenario:
 def load_scenario(path: Path, world: World) -> Scenario:
     """Read the scenario at `path` for `world`; raises DocumentError with file, line and field.
 
-    It may only name assets, cameras, gates and frames of the world, contacts that it spawns itself,
-    and, for contacts that come down a lane, gates with a lane.
+    The scenario may name only assets, cameras, gates and frames of the world, and contacts that it
+    spawns itself. A gate at which contacts come down a lane must have a lane.
     """
     document = Document.read(path)
     scenario = document.parse(Scenario)
@@ -57,7 +57,7 @@ def load_scenario(path: Path, world: World) -> Scenario:
 def scenario_path(world_path: Path, name: str) -> Path:
     """Return the scenario file for `name`, which is a path or a scenario of the world.
 
-    Raises DocumentError with the world's scenarios if there is neither.
+    Raises DocumentError, with the names of the world's scenarios, if there is neither.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -73,7 +73,7 @@ def scenario_path(world_path: Path, name: str) -> Path:
 
 
 def list_scenarios(world_path: Path) -> list[tuple[str, str]]:
-    """Return (name, title) of every scenario beside the world file, by name.
+    """Return (name, title) of every scenario beside the world file, sorted by name.
 
     `scenario_path` accepts the same names. Raises DocumentError for a broken file.
     """
@@ -101,7 +101,8 @@ def scenario_problems(scenario: Scenario, world: World) -> Iterator[FieldProblem
                     )
             case RevealTrack(track=track) if track not in spawned:
                 names = ", ".join(sorted(name for name in spawned if name)) or "none"
-                yield (*field, "track"), f"no spawn is named {track!r}; named here: {names}"
+                problem = f"no spawn is named {track!r}; names in this file: {names}"
+                yield (*field, "track"), problem
             case ObstructWay(start=start, end=end) if start == end:
                 yield (*field, "end"), "start and end are the same point"
             case _:
@@ -129,17 +130,17 @@ def _incidents(scenario: Scenario) -> Iterator[tuple[FieldPath, Incident]]:
 
 
 def _spawned_twice(scenario: Scenario) -> Iterator[FieldProblem]:
-    """Yield handles that refer to two contacts."""
+    """Yield the names that are given to two contacts."""
     seen: set[str] = set()
     for field, incident in _incidents(scenario):
         if isinstance(incident, SpawnTrack) and incident.name is not None:
             if incident.name in seen:
-                yield (*field, "name"), f"{incident.name!r} is spawned twice; give each its name"
+                yield (*field, "name"), f"{incident.name!r} is spawned twice; use two names"
             seen.add(incident.name)
 
 
 def _never(scenario: Scenario) -> Iterator[FieldProblem]:
-    """Yield events that wait for themselves, directly, through other events or their contact."""
+    """Yield events that wait for themselves, directly or through other events or contacts."""
     spawner = {
         event.do.name: index
         for index, event in enumerate(scenario.events)

@@ -1,4 +1,4 @@
-"""The constant geometry of a world: routes, lanes, lines of sight, places, near walls."""
+"""The constant geometry of a world: routes, lanes, lines of sight, places and nearby walls."""
 
 import math
 import threading
@@ -19,13 +19,13 @@ from pa_console.sim.worlds.routes import RoutePlanner
 
 LOOK_M = 5.0
 LOOK_S = 2.0
-"""The travel time for which a ground asset looks ahead, in seconds, but at most LOOK_M metres."""
+"""The travel time in seconds for which a ground asset looks ahead, though at most LOOK_M metres."""
 HULL_GAP_M = 0.15
 _CORNER_M: dict[AssetKind, float] = {"uav": 1.5, "ugv": 0.5, "robot": 0.4}
 
 WAITING_STANDOFFS = 1.5
-"""The distance from their gate, in standoffs, at which tracks wait; it lets an asset at the gate
-comply with ROE-04."""
+"""The distance from their gate, in standoffs, at which tracks wait, so that an asset at the gate
+complies with ROE-04."""
 QUEUE_GAP_M = 8.0
 _SEARCH_STEP_M = 0.25
 PLACE_GAP_M = 0.8
@@ -39,9 +39,9 @@ _Cells = dict[tuple[int, int], tuple[tuple[str, Frame], ...]]
 class PlatformLimits:
     """The limits of one kind of asset, in metres, metres per second and radians.
 
-    It may turn by `turn_rad` in a step. A corner of its route counts as passed within `corner_m`.
-    It looks for other assets within `look_m`; `apart_m` is the least distance between its centre
-    and that of an asset of each kind.
+    An asset may turn by at most `turn_rad` in a step. A corner of its route counts as passed within
+    `corner_m`. It looks for other assets within `look_m`; `apart_m` has, for each kind of asset,
+    the least distance between the centres.
     """
 
     flies: bool
@@ -73,12 +73,12 @@ def platform_limits(world: World) -> dict[AssetKind, PlatformLimits]:
 
 
 def waiting_distance(world: World) -> float:
-    """Return the distance from its gate's frame at which a track stops, in metres."""
+    """Return the distance in metres between a waiting track and the frame of its gate."""
     return WAITING_STANDOFFS * world.standoff_m
 
 
 class LaneLine:
-    """One lane; positions on it are metres travelled from its far end."""
+    """A lane; positions on it are in metres travelled from its far end."""
 
     def __init__(self, world: World, name: str) -> None:
         lane = world.lanes[name]
@@ -93,7 +93,7 @@ class LaneLine:
         self.waiting_point: Point = self.locate(self.waiting_m)[0]
 
     def first_within(self, distance_m: float) -> float:
-        """Return the metres travelled where the lane first is within `distance_m` of the gate."""
+        """Return the metres travelled at the lane's first point within `distance_m` of the gate."""
         index, last = 0, math.ceil(self.length_m / _SEARCH_STEP_M)
         while index <= last:
             travelled = min(index * _SEARCH_STEP_M, self.length_m)
@@ -115,11 +115,11 @@ class LaneLine:
 
 
 class Terrain:
-    """Geometry derived from a world; shared by all simulations of it and their forks."""
+    """Geometry derived from a world, which all simulations of the world and their forks share."""
 
     @classmethod
     def of(cls, world: World) -> "Terrain":
-        """Return the geometry of `world`; the most recent ones are cached."""
+        """Return the geometry of `world`; the geometries used most recently are cached."""
         for terrain in _recent.terrains:
             if terrain.world is world:
                 return terrain
@@ -198,7 +198,7 @@ class Terrain:
         return self._places[key]
 
     def free_place(self, frame: str, kind: AssetKind, taken: Iterable[Point]) -> Point | None:
-        """Return the innermost place at `frame` that is clear of `taken`, or None if it is full."""
+        """Return the innermost place at `frame` clear of `taken`, or None if there is none."""
         spec, spare = self.world.frames[frame], self.spacing_m - 0.1
         (x, y), reach = spec.at, spec.radius_m + spare
         others = [p for p in taken if abs(p[0] - x) < reach and abs(p[1] - y) < reach]
@@ -251,7 +251,7 @@ class Terrain:
         return gap if shapely.contains_xy(self._perimeter, *point) else -gap
 
     def gate_of(self, point: Point) -> str:
-        """Return the gate of the lane nearest to a point; without lanes the nearest gate."""
+        """Return the gate of the lane nearest to a point; without lanes, the gate nearest to it."""
         if len(self._lane_lines):
             return self._lane_gates[
                 int(np.argmin(shapely.distance(self._lane_lines, shapely.Point(point))))
@@ -260,7 +260,7 @@ class Terrain:
 
 
 class _Recent(threading.local):
-    """The recent geometry of a thread; threads share none, because it is completed on use."""
+    """The recent geometry of a thread; threads share none, because geometry changes in use."""
 
     def __init__(self) -> None:
         self.terrains: deque[Terrain] = deque(maxlen=16)

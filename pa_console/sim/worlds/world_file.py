@@ -1,4 +1,4 @@
-"""World files: loading, and checking their geometry; problems name file, line and field."""
+"""World files: loading, and checks of their geometry; errors name file, line and field."""
 
 import math
 from collections import Counter
@@ -21,7 +21,7 @@ LARGEST_M = 5000.0
 """The limit of coordinates on each axis, in metres from the origin."""
 
 MOST_FRAME_M2 = 40_000.0
-"""The limit on the sum of all squared frame radii, m²: four frames of the largest size."""
+"""The limit on the sum of all squared frame radii, in m²: four frames of the largest size."""
 
 FieldProblem = tuple[FieldPath, str]
 Floats = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ def open_world(name: str) -> tuple[World, Path]:
 
 
 def load_world(path: Path) -> World:
-    """Read the world at `path`; raises DocumentError at the first problem, also of geometry."""
+    """Read the world at `path`; raises DocumentError for the first problem of form or geometry."""
     document = Document.read(path)
     world = document.parse(World)
     for field, problem in geometry_problems(world):
@@ -91,7 +91,7 @@ def _sizes(world: World) -> Iterator[FieldProblem]:
     squares = sum(frame.radius_m**2 for frame in world.frames.values())
     if squares > MOST_FRAME_M2:
         problem = f"their radii are too large together: the sum of the squares is {squares:g} m²"
-        yield ("frames",), f"{problem}, it must be at most {MOST_FRAME_M2:g} m²"
+        yield ("frames",), f"{problem}; it must be at most {MOST_FRAME_M2:g} m²"
     for field, value, least, most in limits:
         if not least <= value <= most:
             yield field, f"{value:g} is out of range; it must be from {least:g} to {most:g}"
@@ -136,8 +136,8 @@ def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]
             if gap < widest:
                 yield (
                     ("frames", name, "at"),
-                    f"it is {max(gap, 0.0):.1f} m from the face of walls.{index}, a ground asset "
-                    f"needs {widest:g} m; move the frame or the wall",
+                    f"it is {max(gap, 0.0):.1f} m from the face of walls.{index}, but a ground "
+                    f"asset needs {widest:g} m; move the frame or the wall",
                 )
         for other, spec in world.frames.items():
             if other <= name:
@@ -151,7 +151,7 @@ def _frames(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]
 
 
 def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
-    """Yield lanes that do not lead to the waiting point of their gate, or are not open."""
+    """Yield lanes that do not lead to the waiting point of their gate, or run through a wall."""
     reach = waiting_distance(world)
     for name, lane in world.lanes.items():
         if any(a == b for a, b in pairwise(lane.points)):
@@ -169,7 +169,7 @@ def _lanes(world: World, walls: Lines, thick: Floats) -> Iterator[FieldProblem]:
 
 
 def _posts(world: World) -> Iterator[FieldProblem]:
-    """Yield assets for which there is no standing place at the frame where they start."""
+    """Yield assets that have no standing place at the frame where they start."""
     terrain = Terrain.of(world)
     posted = Counter((spec.post, spec.kind == "uav") for spec in world.assets.values())
     for name, spec in world.assets.items():
@@ -178,6 +178,6 @@ def _posts(world: World) -> Iterator[FieldProblem]:
         if count > room:
             yield (
                 ("assets", name, "post"),
-                f"{spec.post} has room for {room} such assets, {count} are posted there; "
+                f"{spec.post} has room for {room} such assets, but {count} are posted there; "
                 "enlarge its radius_m or post some elsewhere",
             )

@@ -100,7 +100,7 @@ def world_yaml(world: World) -> str:
 def _team(
     rng: random.Random, count: int, gates: Sequence[str], posts: Sequence[str], base: str
 ) -> dict[str, AssetSpec]:
-    """Return the assets: one at each gate first, the others where there is always room."""
+    """Return the assets: first one for each gate, then others at places that always have room."""
     words = names.team(rng)
     weights = [rng.uniform(0.8, 1.6), rng.uniform(0.5, 1.2), rng.uniform(0.5, 1.2)]
     every: tuple[AssetKind, ...] = ("uav", "ugv", "robot")
@@ -145,6 +145,6 @@ def _named(gate: str, suffix: str) -> str:
 
 
 def _size(points: Sequence[tuple[float, float]]) -> float:
-    """Return the longer side of the bounding box of `points` in metres."""
+    """Return the length in metres of the longer side of the bounding box of `points`."""
     xs, ys = [x for x, _ in points], [y for _, y in points]
     return max(max(xs) - min(xs), max(ys) - min(ys))

@@ -88,7 +88,7 @@ def test_a_wrong_address_is_refused_with_the_remedy(
 def test_a_world_that_is_nowhere_on_the_earth_is_refused(tmp_path: Path, world: World) -> None:
     path = written(tmp_path, "vehicles:\n  Drone_T01: {system_id: 1}\n")
     nowhere = world.model_copy(update={"origin": None})
-    with pytest.raises(ValueError, match="does not say where on the earth it is"):
+    with pytest.raises(ValueError, match="has no position on the earth"):
         open_link(f"udp://127.0.0.1:14599#{path}", nowhere, Settings())
 
 

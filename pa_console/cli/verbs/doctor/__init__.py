@@ -26,7 +26,8 @@ def doctor(
         Path | None,
         typer.Option(
             "--certificates",
-            help="Also check the broker's configuration in this folder of 'pa-console site init'.",
+            help="Also check the broker's configuration in this folder, which "
+            "'pa-console site init' created.",
         ),
     ] = None,
     fleet: Annotated[
@@ -61,7 +62,7 @@ def doctor(
 
 
 def _checks(tell: Callable[[str], None]) -> Iterator[Check]:
-    """Yield the checks one by one; `tell` gets a line before each slow check."""
+    """Yield the checks one by one; `tell` is called with a line before each slow check."""
     yield machine.check_python()
     yield from machine.check_build_tools()
     yield from machine.check_libraries()
@@ -103,7 +104,7 @@ def _print(checks: list[Check], missing: list[str]) -> None:
 
 
 def _details(check: Check) -> Table:
-    """Return the table of findings about a link's robots, with the consequences."""
+    """Return the table of findings about a link's robots, with their consequences."""
     table = Table(box=None, pad_edge=False)
     for title in ("asset", "message or parameter", "found", "should be", "consequence"):
         table.add_column(title, overflow="fold")

@@ -41,9 +41,9 @@ from pa_console.sim.worlds.world_file import open_world
 State = Literal["ok", "warning", "missing"]
 PACKAGE = "pa-console"
 LEAST_FREE_MB = 200
-"""The free space below which a folder gets a warning, in megabytes."""
+"""The free space, in megabytes, below which there is a warning about a folder."""
 COMFORTABLE, LEAST = (80, 24), (60, 18)
-"""The terminal sizes (columns, lines) for comfortable use, and for use at all."""
+"""The smallest terminal (columns, lines) for comfortable use, and for any use at all."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class Check:
 
 def check_python() -> Check:
     """Check the version of Python."""
-    found, good = f"{sys.version.split()[0]} in {sys.prefix}", sys.version_info >= (3, 11)
-    return Check.graded("Python", good, found, "install Python 3.11 or newer", "missing")
+    result, good = f"{sys.version.split()[0]} in {sys.prefix}", sys.version_info >= (3, 11)
+    return Check.graded("Python", good, result, "install Python 3.11 or newer", "missing")
 
 
 def check_build_tools() -> Iterator[Check]:
@@ -81,15 +81,15 @@ def check_build_tools() -> Iterator[Check]:
     ):
         path = next((path for item in commands if item and (path := shutil.which(item))), "")
         need = "not needed, llama.cpp is built" if built else "needed to build llama.cpp"
-        found = path or f"not found; {need}"
+        result = path or f"not found; {need}"
         remedy = f"install it, e.g. on Debian and Ubuntu: apt install {package}"
-        yield Check.graded(name, bool(path) or built, found, remedy, "missing")
+        yield Check.graded(name, bool(path) or built, result, remedy, "missing")
 
 
 def check_libraries() -> Iterator[Check]:
     """Check that every required library can be imported; extras are not checked."""
     try:
-        asked = requires(PACKAGE) or []
+        requirements = requires(PACKAGE) or []
     except PackageNotFoundError:
         remedy = "install it: pip install ."
         yield Check("libraries", "missing", f"{PACKAGE} is not installed", remedy)
@@ -98,15 +98,15 @@ def check_libraries() -> Iterator[Check]:
     for module, names in packages_distributions().items():
         for name in names:
             modules.setdefault(_canonical(name), []).append(module)
-    for line in asked:
+    for line in requirements:
         if "extra ==" in line:
             continue
         name = re.split(r"[^\w.-]", line)[0]
         yield _check_library(name, line, modules.get(_canonical(name), []))
 
 
-def _check_library(name: str, asked: str, modules: list[str]) -> Check:
-    command = python_command("-m", "pip", "install", "--force-reinstall", asked)
+def _check_library(name: str, requirement: str, modules: list[str]) -> Check:
+    command = python_command("-m", "pip", "install", "--force-reinstall", requirement)
     remedy = f"reinstall it: {shlex.join(command)}"
     try:
         number = version(name)
@@ -121,7 +121,7 @@ def _check_library(name: str, asked: str, modules: list[str]) -> Check:
 
 def _problem_of(module: str) -> str:
     """Return why `module` cannot be imported; '' if it can."""
-    logging.getLogger(module).setLevel(logging.ERROR)  # no warnings, e.g. of matplotlib's folders
+    logging.getLogger(module).setLevel(logging.ERROR)  # no warnings, e.g. about folders
     try:
         importlib.import_module(module)
     except Exception as error:  # a broken library may raise any error
@@ -134,7 +134,7 @@ def _canonical(name: str) -> str:
 
 
 def load_or_default() -> tuple[LoadedSettings, Check]:
-    """Return the settings and their check; if the settings are not valid, the defaults."""
+    """Return the settings, or the defaults if they are not valid, and the check of the settings."""
     from pa_console.tui.screens.settings import problems  # noqa: PLC0415 - the screen's libraries
 
     remedy = "correct it, or restore the defaults: pa-console settings reset"
@@ -147,8 +147,8 @@ def load_or_default() -> tuple[LoadedSettings, Check]:
     if unknown := unknown_variables():
         problem = f"unknown variables: {', '.join(unknown)}"
         return loaded, Check("settings", "warning", problem, "see 'pa-console settings show'")
-    there = "" if loaded.document is not None else " does not exist; the defaults apply"
-    return loaded, Check("settings", "ok", f"{loaded.path}{there}")
+    note = "" if loaded.document is not None else " does not exist; the defaults apply"
+    return loaded, Check("settings", "ok", f"{loaded.path}{note}")
 
 
 def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
@@ -163,14 +163,14 @@ def check_folders(loaded: LoadedSettings) -> Iterator[Check]:
     ):
         if name == "site keys" and not folder.exists():
             continue
-        found = check_folder(name, folder, field)
-        if rights and found.state == "ok" and (exposure := exposed(folder, rights)) is not None:
-            found = Check(name, "warning", *exposure)
-        yield found
+        check = check_folder(name, folder, field)
+        if rights and check.state == "ok" and (exposure := exposed(folder, rights)) is not None:
+            check = Check(name, "warning", *exposure)
+        yield check
 
 
 def check_sessions(folder: Path) -> Check:
-    """Check that every session in the index in `folder` exists, complete and unchanged."""
+    """Check that the log of every session in the index in `folder` is complete and unchanged."""
     name = "session logs"
     remedy = "restore them from a backup; for details: pa-console replay LOG --verify"
     try:
@@ -183,15 +183,15 @@ def check_sessions(folder: Path) -> Check:
 
 
 def check_folder(name: str, folder: Path, field: str) -> Check:
-    """Check that a folder can be written and has free space; `field` selects another folder."""
+    """Check that a folder is writable and has free space; `field` names how to choose another."""
     remedy = f"make it writable, or choose another folder: {field}"
     if why := unwritable(folder):
         return Check(name, "missing", f"{folder}: {why}", remedy)
     free_mb = shutil.disk_usage(nearest_existing(folder)).free // 1_000_000
-    found = f"{folder}, {free_mb} MB free"
+    result = f"{folder}, {free_mb} MB free"
     remedy = f"free some space, or choose another folder: {field}"
     bad: State = "warning" if free_mb else "missing"
-    return Check.graded(name, free_mb >= LEAST_FREE_MB, found, remedy, bad)
+    return Check.graded(name, free_mb >= LEAST_FREE_MB, result, remedy, bad)
 
 
 def check_broker(folder: Path) -> Check:
@@ -200,11 +200,11 @@ def check_broker(folder: Path) -> Check:
     try:
         lacks = unbound(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError):
-        found = f"no {CONFIGURATION} in {folder}: run this check on the machine of the broker"
-        return Check("broker", "warning", found)
+        result = f"no {CONFIGURATION} in {folder}: run this check on the machine of the broker"
+        return Check("broker", "warning", result)
     if not lacks:
         return Check("broker", "ok", f"{file}: client ids are tied to certificates")
-    found = (
+    result = (
         f"{file} lacks '{', '.join(lacks)}': a robot could connect with the client id of another "
         "robot, which would then miss its stops"
     )
@@ -212,7 +212,7 @@ def check_broker(folder: Path) -> Check:
         f"run 'pa-console site init {folder}' with the same --site, --port and --world as before "
         "(certificates are kept), then restart the broker"
     )
-    return Check("broker", "missing", found, remedy)
+    return Check("broker", "missing", result, remedy)
 
 
 def check_schemes() -> Iterator[Check]:
@@ -223,13 +223,13 @@ def check_schemes() -> Iterator[Check]:
         try:
             point.load()
         except ModuleNotFoundError as error:
-            found = f"not installed ({error.name} is missing)"
+            result = f"not installed ({error.name} is missing)"
             if point in OWN:
-                found += f"; to add it: {install_hint(scheme)}"
-            yield Check(f"link {scheme}", "ok" if point in OWN else "warning", found)
-        except Exception as error:  # a package from elsewhere may raise any error
-            found = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
-            yield Check(f"link {scheme}", "warning", found, "contact its author, or uninstall it")
+                result += f"; to add it: {install_hint(scheme)}"
+            yield Check(f"link {scheme}", "ok" if point in OWN else "warning", result)
+        except Exception as error:  # another author's package may raise any error
+            result = f"{point.value} cannot be loaded: {type(error).__name__}: {error}"
+            yield Check(f"link {scheme}", "warning", result, "contact its author, or uninstall it")
         else:
             yield Check(f"link {scheme}", "ok", point.value)
 
@@ -273,7 +273,7 @@ def check_size(columns: int, lines: int) -> Check:
 
 
 def check_colours(system: str | None, plain: bool) -> Check:
-    """Check the terminal's colours; with `plain`, none are wanted."""
+    """Check the terminal's colours; if `plain` is True, none are wanted."""
     if plain:
         return Check("colours", "ok", "none, because NO_COLOR is set")
     remedy = "export TERM=xterm-256color, and COLORTERM=truecolor if the terminal supports it"

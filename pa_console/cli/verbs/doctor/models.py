@@ -50,7 +50,10 @@ from pa_console.station.assembly import load_site
 SECOND_READER = "second reader"
 PINNED = "SHA-256 matches the catalogue"
 WORK_MB = 500
-"""The memory for the console and both models' processes, without weights; 400 were measured."""
+"""The memory in megabytes for the console and both models' processes, without the weights.
+
+400 MB were measured.
+"""
 MEMORY = Path("/proc/meminfo")
 SMALLER = "close other programs, or choose a smaller model: pa-console models list"
 
@@ -62,9 +65,9 @@ QUIET_SHARE = 0.2
 SPEED = "model's speed"
 SPEED_MISSION = "Send a drone to look at the east gate."
 LIMIT_S = 10.0
-"""The longest measurement of the speed, in seconds, because `doctor` must end soon."""
+"""The longest measurement of the speed, in seconds; `doctor` must not take long."""
 ENOUGH_S = 5.0
-"""The time for a plan up to which an operator keeps looking at the screen, in seconds."""
+"""The longest time for a plan, in seconds, during which an operator keeps watching the screen."""
 
 SERVER = "model server"
 
@@ -98,8 +101,8 @@ def check_files(entry: ModelEntry) -> Check:
         adapters = check_adapters(entry.name, entry.adapters)
     except (ModelError, OSError) as error:
         return Check("model", "missing", str(error), f"rm '{path}'; {pull}")
-    known = entry.sha256 is not None
-    parts = [f"{path}: {PINNED if known else 'not verified, the catalogue has no hash'}"]
+    pinned = entry.sha256 is not None
+    parts = [f"{path}: {PINNED if pinned else 'not verified, the catalogue has no hash'}"]
     if entry.how is not None:
         good, words = _prepared(entry, entry.how, digest)
         if not good:
@@ -108,11 +111,11 @@ def check_files(entry: ModelEntry) -> Check:
     if files := {item.path for item in adapters}:
         parts.append(f"{count(len(files), 'adapter')}: {PINNED}")
     remedy = "choose a model with a hash in the catalogue"
-    return Check.graded("model", known, f"{entry.name}: {'; '.join(parts)}", remedy)
+    return Check.graded("model", pinned, f"{entry.name}: {'; '.join(parts)}", remedy)
 
 
 def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[bool, str]:
-    """Return whether the prepared file is valid or not made yet, and the reason in words."""
+    """Return whether the prepared file is valid or is still to be made, and the reason in words."""
     path, pin = entry.prepared_file, entry.pin(how)
     if path is None:
         then = "compared with the catalogue's hash" if pin else "signed with this machine's key"
@@ -137,17 +140,17 @@ def _prepared(entry: ModelEntry, how: Preparation, source_sha256: str) -> tuple[
 
 
 def _loaded_mb(entry: ModelEntry) -> int:
-    """Return the size of the model's file in megabytes, or of its download if there is none."""
+    """Return the size of the model's file in megabytes, or of its download if it is missing."""
     file = entry.prepared_file or entry.local_file
     return entry.size_mb if file is None else file.stat().st_size // 10**6
 
 
 def _check_second_reader(entry: ModelEntry) -> Check:
-    """Check the second reader, without which the console works as well."""
+    """Check the second reader; the console also works without it."""
     if entry.local_file is None:
         pull = f"pa-console models pull {entry.name}"
-        found = f"{entry.name} is not downloaded; to read unclear orders with it: {pull}"
-        return Check(SECOND_READER, "ok", found)
+        result = f"{entry.name} is not downloaded; to read unclear orders with it: {pull}"
+        return Check(SECOND_READER, "ok", result)
     return replace(check_files(entry), name=SECOND_READER)
 
 
@@ -160,16 +163,16 @@ def check_memory(weights_mb: int, memory: Path = MEMORY) -> Check:
     except (OSError, KeyError, ValueError):
         unknown = "the free memory is unknown on this system"
         return Check(name, "ok", f"{count(cores, 'core')}; {unknown}")
-    found = f"{free_mb} MB free, {needed} MB needed, {count(cores, 'core')}"
+    result = f"{free_mb} MB free, {needed} MB needed, {count(cores, 'core')}"
     if free_mb < needed:
-        return Check(name, "warning", found, SMALLER)
-    return Check.graded(name, cores >= 2, found, "expect slow answers; use at least two cores")
+        return Check(name, "warning", result, SMALLER)
+    return Check.graded(name, cores >= 2, result, "expect slow answers; use at least two cores")
 
 
 def check_load(
     idle: Callable[[], float | None] = idle_seconds, wait: Callable[[float], None] = sleep
 ) -> Check:
-    """Check for LOOK_S how many cores are busy with other programs."""
+    """Check for LOOK_S seconds how many cores are busy with other programs."""
     began, before = perf_counter(), idle()
     wait(LOOK_S)
     after, seconds = idle(), perf_counter() - began
@@ -177,9 +180,9 @@ def check_load(
     if before is None or after is None:
         return Check("load", "ok", "the load is unknown on this system")
     busy = max(0.0, cores - (after - before) / seconds)
-    found = f"{busy:.1f} of {count(cores, 'core')} busy"
+    result = f"{busy:.1f} of {count(cores, 'core')} busy"
     remedy = "close other programs; answers take longer under load"
-    return Check.graded("load", busy <= cores * QUIET_SHARE, found, remedy)
+    return Check.graded("load", busy <= cores * QUIET_SHARE, result, remedy)
 
 
 def check_confinement() -> Check:
@@ -188,15 +191,15 @@ def check_confinement() -> Check:
 
 
 def confinement_words(restrictions: tuple[Restriction, ...]) -> Check:
-    """Return the check of the confinement of the model's process, with gaps and their reasons."""
+    """Return the check of the confinement of the model's process, with each gap and its reason."""
     held = [item.what for item in restrictions if not item.missing]
     missing = [f"not enforced: {i.what} ({i.missing})" for i in restrictions if i.missing]
-    found = "; ".join([*missing, *held]) + ("" if missing else "; tested")
-    return Check.graded("model's process", not missing, found, REMEDY)
+    result = "; ".join([*missing, *held]) + ("" if missing else "; tested")
+    return Check.graded("model's process", not missing, result, REMEDY)
 
 
 def check_speed(name: str) -> Check:
-    """Check the speed of one plan of the model `name` ('' for the default), if it is here."""
+    """Check how fast the model `name` ('' for the default) plans, if it is on this machine."""
     try:
         model = find_model(name or None)
     except ModelError as error:
@@ -204,8 +207,8 @@ def check_speed(name: str) -> Check:
     try:
         return speed_words(model.name, asyncio.run(_one_plan(model)))
     except TimeoutError:
-        found = f"{model.name} did not write a plan within {LIMIT_S:g} s: too slow for work"
-        return Check(SPEED, "warning", found, SMALLER)
+        result = f"{model.name} did not write a plan within {LIMIT_S:g} s: too slow for work"
+        return Check(SPEED, "warning", result, SMALLER)
     except EngineError as error:
         return Check(SPEED, "warning", f"{model.name}: {error}", "see the checks of the model")
 
@@ -214,13 +217,13 @@ def speed_words(name: str, usage: Usage) -> Check:
     """Return the check of this machine's speed, with the time for a plan of the model `name`."""
     prompt_tokens = usage.prompt_tokens - usage.cached_tokens
     fast = usage.seconds <= ENOUGH_S
-    found = (
+    result = (
         f"{name} reads {_rate(prompt_tokens, usage.first_token_s)} and writes "
         f"{_rate(usage.completion_tokens, usage.seconds - usage.first_token_s)} tokens/s: "
         f"a plan takes {usage.seconds:.1f} s, "
         f"{'fast enough' if fast else 'slow, expect to wait'}"
     )
-    return Check.graded(SPEED, fast, found, SMALLER)
+    return Check.graded(SPEED, fast, result, SMALLER)
 
 
 def _rate(tokens: int, seconds: float) -> str:
@@ -256,7 +259,7 @@ async def _one_plan(model: LocalModel) -> Usage:
 
 
 def named_models(settings: Settings) -> SessionModels:
-    """Return the models in the settings; if those are not valid, only this machine's model."""
+    """Return the models in the settings, or only the local model if the settings are not valid."""
     try:
         return session_models(settings.model, settings.judge_server, settings.second_reader)
     except ModelError:
@@ -275,7 +278,7 @@ def check_servers(named: SessionModels, settings: Settings) -> Iterator[Check]:
 
 
 def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
-    """Check the server `name`: the way to constrain its answers, and its key."""
+    """Check the server `name`: how its answers are constrained, and its key."""
     title = f"{SERVER}, {use}"
     try:
         engine = open_backend(name, BackendOptions(use, plain))
@@ -293,8 +296,8 @@ def check_server(use: ServerUse, name: str, *, plain: bool = False) -> Check:
             f"start it, and check its address and key ({KEY_VARIABLES[use]}); "
             "until then, the local model answers"
         )
-    found = f"{engine.name}: {answer}; key from {key.source}"
-    return Check.graded(title, engine.state == "ready", found, remedy)
+    result = f"{engine.name}: {answer}; key from {key.source}"
+    return Check.graded(title, engine.state == "ready", result, remedy)
 
 
 async def _looked(engine: ServerEngine) -> None:

@@ -1,4 +1,4 @@
-"""`pa-console rules`: list the policy, search it as the retriever does, check a rule file."""
+"""`pa-console rules`: rules, listed, searched, checked, signed and compared."""
 
 from pathlib import Path
 from typing import Annotated
@@ -57,11 +57,11 @@ def _how(rule: Rule) -> str:
 
 
 def _print_approvals(book: Rulebook) -> None:
-    """Print the acts that several people must approve, and those of standing orders unasked."""
+    """Print what several people must approve, and what standing orders may do without approval."""
     if book.unasked:
         out.print_line(f"standing orders need no approval for: {', '.join(book.unasked)}")
-    if asked := approvals_in_words(book.approvals):
-        out.print_line(f"required approvals: {asked}")
+    if required := approvals_in_words(book.approvals):
+        out.print_line(f"required approvals: {required}")
 
 
 def list_rules(rules: RulesOption = "checkpoint", json: JsonOption = False) -> None:
@@ -189,7 +189,7 @@ def pin(
 
 
 def seal_in_words(seal: RulesSeal) -> str:
-    """Return version, short hash and signature of a rule set, in words."""
+    """Return the version, the short hash and the signature of a rule set in words."""
     version = f"version {seal.version}" if seal.version else "no version"
     key = f" {seal.key}" if seal.standing == "unknown key" else ""
     return f"{version}, content {seal.content_sha256[:SHORT]}, {seal.words}{key}"

@@ -42,22 +42,22 @@ def find_logs(places: Sequence[Path]) -> list[Path]:
     Other files in a folder are ignored. Raises ValueError if a place does not exist, or if a folder
     has no log.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     for place in places:
         if place.is_dir():
             logs = [path for path in sorted(place.rglob("*.jsonl")) if _is_log(path)]
             if not logs:
                 raise ValueError(f"{place}: there is no session log in this folder")
-            found += logs
+            files += logs
         elif place.is_file():
-            found.append(place)
+            files.append(place)
         else:
             raise ValueError(f"{place}: there is no such log or folder")
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(files))
 
 
 class SessionEvents:
-    """The events of a log, for one iteration; `problem` is the reason if they end early."""
+    """The events of a log, for one iteration; `problem` is why they ended early, or ''."""
 
     def __init__(self, log: Path) -> None:
         """Read the start of the session; raises LogError if the file is not a session log."""
@@ -79,21 +79,21 @@ def _is_log(path: Path) -> bool:
 
 @dataclass
 class Effects:
-    """The results by log or mission; `unread` has the reason for each log that is not readable."""
+    """The effects of a change, by log or mission; `unread` has the reason for each unread log."""
 
-    found: dict[str, SessionEffect] = field(default_factory=dict[str, SessionEffect])
+    by_place: dict[str, SessionEffect] = field(default_factory=dict[str, SessionEffect])
     unread: dict[str, str] = field(default_factory=dict[str, str])
     notes: dict[str, str] = field(default_factory=dict[str, str])
 
     @property
     def flips(self) -> list[ChangedDecision]:
         """All decisions that change."""
-        return [flip for effect in self.found.values() for flip in effect.flips]
+        return [flip for effect in self.by_place.values() for flip in effect.flips]
 
     @property
     def gaps(self) -> list[Gap]:
         """All decisions that cannot be repeated."""
-        return [gap for effect in self.found.values() for gap in effect.gaps]
+        return [gap for effect in self.by_place.values() for gap in effect.gaps]
 
 
 def effect(
@@ -105,7 +105,7 @@ def effect(
     ] = None,
     was: Annotated[
         str | None,
-        typer.Option("--was", help="Previous rules, if they are no longer installed unchanged."),
+        typer.Option("--was", help="Previous rules, if they are not installed or have changed."),
     ] = None,
     world: Annotated[
         list[str] | None,
@@ -137,7 +137,7 @@ def effect(
         )
     if json:
         print_json({"rules": new.name, "content_sha256": new.seal.content_sha256,
-                    "sessions": effects.found, "notes": effects.notes, "unread": effects.unread,
+                    "sessions": effects.by_place, "notes": effects.notes, "unread": effects.unread,
                     "turned": dict(rules_turned(effects.flips))})  # fmt: skip
     else:
         _print_effects(effects)
@@ -155,12 +155,12 @@ def _sessions(logs: list[Path], new: Rulebook, sites: SessionSites, effects: Eff
                 started = events.started
                 rulebook = sites.rules_of(started)
                 place = sites.world_of(started, log)
-                effects.found[str(log)] = effect_on_session(events, place, new, rulebook)
+                effects.by_place[str(log)] = effect_on_session(events, place, new, rulebook)
                 if rulebook is None:
                     effects.notes[str(log)] = (
-                        f"its rules {started.rules!r} are not installed unchanged (give them with "
-                        "--was), so only the recorded findings were compared, and none of running "
-                        "plans"
+                        f"its rules {started.rules!r} are not installed, or they have changed "
+                        "(give them with --was), so only the recorded findings were compared, "
+                        "without those on running plans"
                     )
                 if events.problem:
                     effects.unread[str(log)] = events.problem
@@ -185,14 +185,14 @@ def _missions(
         f"checking orders for {cases.name}", len(cases.missions) * (plans + 1)
     ) as bar:
         for case in cases.missions:
-            effects.found[f"{path}:{case.id}"] = effect_on_mission(
+            effects.by_place[f"{path}:{case.id}"] = effect_on_mission(
                 case, worlds[case.world], new, old, plans, seed, bar.advance
             )
 
 
 def _print_effects(effects: Effects) -> None:
     """Print the changed decisions and the gaps by log, then the totals."""
-    for place, outcome in effects.found.items():
+    for place, outcome in effects.by_place.items():
         if not outcome.flips and not outcome.gaps and place not in effects.notes:
             continue
         out.print_line(f"{place}: session {outcome.session}" if outcome.session else f"{place}:")
@@ -208,7 +208,7 @@ def _print_effects(effects: Effects) -> None:
         errors.print_line(f"{place}: not read completely: {problem}")
     for rule, count in rules_turned(effects.flips):
         out.print_line(f"{rule} changes {count}")
-    every = effects.found.values()
+    every = effects.by_place.values()
     kinds = [(kind, sum(f.kind == kind for f in effects.flips)) for kind in FLIP_KINDS]
     parts = ", ".join(f"{count} {kind}" for kind, count in kinds if count) or "none"
     out.print_line(
@@ -229,7 +229,9 @@ def _flip(flip: ChangedDecision) -> str:
 def trace(
     rule: Annotated[str, typer.Argument(metavar="RULE_ID", help="Id of a rule, such as ROE-07.")],
     logs: Annotated[list[Path], LOGS],
-    every: Annotated[bool, typer.Option("--all", help="Also show where it did not apply.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Also show where it does not apply.")
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """List every mission in which a rule was retrieved, decided a plan, or was broken.
