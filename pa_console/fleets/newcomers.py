@@ -56,7 +56,7 @@ def with_robots(
         try:
             _NAME.validate_python(name)
         except ValidationError:
-            lines.append(f"{name} cannot join: that is no name of an asset, such as Robot_T03")
+            lines.append(f"{name} cannot join: an asset needs a name such as Robot_T03")
             continue
         if robot.kind not in world.platforms:
             lines.append(f"{name} cannot join: this world has no platform for a {robot.kind}")
@@ -77,7 +77,7 @@ def world_of_robots(
     added, lines = with_robots(base, found)
     kept = {name: spec for name, spec in base.assets.items() if name in present}
     if not kept and not added:
-        raise ValueError("no robot was found: switch one on, and see its address and its name")
+        raise ValueError("no robot was found: switch one on, and check its address and its name")
     assets = {**kept, **added}
     aliases = _aliases(base, {*base.frames, *base.zones, *assets})
     world = base.model_copy(update={"assets": assets, "aliases": aliases})
@@ -91,7 +91,7 @@ def around_places(
 ) -> World:
     """Return a world with `places` as frames, and without walls, lanes, zones or cameras.
 
-    Platforms and limits are those of `base`. The perimeter encloses the places and the background.
+    It has the platforms and limits of `base`. The perimeter encloses the places and the background.
     Raises ValueError if the places do not make a valid world, for example without a `gate`.
     """
     corners = [frame.at for frame in places.values()]

@@ -103,6 +103,6 @@ class Readiness:
 
 
 def readiness_finding(agent: str, why: str) -> LinkFinding:
-    """Return the finding about the readiness of an asset, which `why` keeps from starting."""
+    """Return the finding about an asset's readiness; `why` is the reason if it is not ready."""
     finding = LinkFinding(agent, "ready", f"no: {why}" if why else "yes")
-    return finding.unless(not why, "", "it starts nothing")
+    return finding.unless(not why, "", "it cannot start")

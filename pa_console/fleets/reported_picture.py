@@ -51,7 +51,7 @@ sensor with many.
 """
 
 SIGMAS = 5.0
-"""The accepted error of a measurement, in standard deviations of its sensor's noise.
+"""The largest accepted error of a measurement, in standard deviations of its sensor's noise.
 
 A larger error occurs once in 200,000 measurements.
 """
@@ -102,8 +102,8 @@ def within_share(
 ) -> tuple[list[Detection], list[SetAside]]:
     """Return the accepted detections of `sensor`, and a notice for each limit that was reached.
 
-    Contacts with tracks are accepted first. If there are already MOST_TRACKS, a new contact
-    replaces a track of a sensor that reports more, which is removed from `files`.
+    Contacts that already have tracks are accepted first. If there are MOST_TRACKS tracks, a new
+    contact replaces a track of a sensor that reports more; that track is removed from `files`.
     """
     ordered = sorted(found, key=lambda detection: detection.contact not in files)
     own = frozenset((sensor,))
@@ -126,20 +126,20 @@ def within_share(
             new.add(detection.contact)
         taken.append(detection)
     aside = [
-        SetAside(other, f"reports so much that {count(number, 'track')} of it gave way", "gave way")
+        SetAside(other, f"reports so much that it lost {count(number, 'track')}", "gave way")
         for other, number in gave_way.items()
     ]
     if len(taken) < len(found):
-        text = f"reports {len(found)} contacts: {len(taken)} are taken, the rest is set aside"
+        text = f"reports {len(found)} contacts: {len(taken)} are accepted, the rest is set aside"
         aside.append(SetAside(sensor, text, "many contacts"))
     return taken, aside
 
 
 def _make_room(files: dict[str, TrackFile], sensor: str, alone: int) -> str | None:
-    """Remove the newest track of the sensors with most tracks; return one of these sensors.
+    """Remove the newest track of the sensors with the most tracks; return one of these sensors.
 
-    Every sensor of the removed track has more tracks than `sensor`, which has `alone` of its own.
-    Returns None, without removing anything, if there is no such track.
+    Every sensor of the removed track has more tracks than `sensor`, which alone detects `alone`
+    tracks. Returns None, without removing anything, if there is no such track.
     """
     load = Counter(name for file in files.values() for name in _sensors(file))
     least = {
@@ -160,7 +160,7 @@ def _sensors(file: TrackFile) -> frozenset[str]:
 class ReportedPicture:
     """The picture of a fleet, built from reports and detections.
 
-    Each is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the station's
+    Each of them is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the station's
     clock. No message can prevent a picture: a message that causes an error is left out, and `show`
     returns its sender.
     """
@@ -259,7 +259,7 @@ class ReportedPicture:
             if heard.trust.suspect:
                 return ()
             if heard.stamp <= self._never:
-                text = "reports contacts but not where it is: set aside"
+                text = "reports contacts but not its own position: set aside"
                 return (SetAside(sensor, text, "no place"),) if seen.contacts else ()
             reach = Reach.of_asset(world, sensor, heard, stamp)
             self._watched[sensor] = max(stamp, self._watched.get(sensor, stamp))
@@ -387,7 +387,7 @@ class ReportedPicture:
             self._not_ready.pop(name, None)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, in the next picture."""
+        """Show `assets`, and no others, as under manual control in the next picture."""
         self._manual = assets
         for scene in (self._scene, self._good[0]):
             scene.station.manual = assets

@@ -30,7 +30,7 @@ from pa_console.fleets.authorization.messages import (
 from pa_console.fleets.authorization.trust import Takeover, Trust
 
 _ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
-_USED = {"used": "used before", "forgotten": "made before anything that this vehicle remembers"}
+_USED = {"used": "used before", "forgotten": "made before any that this vehicle remembers"}
 
 
 class Memory:
@@ -89,7 +89,7 @@ class Memory:
         self._base.close()
 
     def _forget(self, kind: str) -> None:
-        """Delete the half of the entries that expires first, and record the latest expiry of them.
+        """Delete the half of the entries that expires first, and record its latest expiry.
 
         From then on, `use` returns "forgotten" for every name that expires by that time.
         """
@@ -143,7 +143,7 @@ class Verifier:
             try:
                 self._memory.keep("trust", json.dumps(state))
             except sqlite3.Error as error:
-                return f"it holds until a restart alone, for it cannot be kept: {error}"
+                return f"it is valid only until a restart, because it cannot be stored: {error}"
         return why
 
     def verify(self, token: str | None, command: Command) -> str:
@@ -199,12 +199,12 @@ class Verifier:
                 self._explain(token)
             raise
         if claims["iss"] != station:
-            raise RefusedError("its authorization names another key than it was signed with")
+            raise RefusedError("its authorization does not name the key that signed it")
         epoch = whole_number(claims["epoch"])
         if epoch < trust.takeover.epoch:
             raise RefusedError(f"its authorization is of epoch {epoch}; {trust.in_command}")
         if epoch > trust.takeover.epoch:
-            raise RefusedError(f"nobody has told this vehicle of epoch {epoch}; {trust.in_command}")
+            raise RefusedError(f"this vehicle does not know epoch {epoch}; {trust.in_command}")
         return claims
 
     def _explain(self, token: str) -> None:
@@ -245,11 +245,11 @@ class Verifier:
         for act, keys in signers.items():
             asked = max(rules.approvals.get(act, 1), 1)
             if len(keys) < asked:
-                raise RefusedError(f"{act} needs {asked} approvals, and it has {len(keys)}")
+                raise RefusedError(f"{act} needs {asked} approvals, but it has {len(keys)}")
         return approvals
 
     def _use(self, claims: Claims, approvals: Sequence[Claims], command: Command) -> None:
-        """Use up the token, and from each approval one order with the words of `command`.
+        """Use up the token and, from each approval, one order with the words of `command`.
 
         Therefore, a stolen station key cannot repeat a command that people approved once. Raises
         RefusedError if the token or all such orders were used before.
@@ -265,7 +265,7 @@ class Verifier:
                 if why != "used":
                     break
             if why:
-                raise RefusedError(f"what {approval['person']} approved was {_USED[why]}")
+                raise RefusedError(f"the order that {approval['person']} approved was {_USED[why]}")
 
     def _opened_approval(
         self, name: str, message: str, token: Claims, command: Command

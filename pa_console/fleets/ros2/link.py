@@ -63,7 +63,7 @@ class Ros2Link(ThreadedLink):
 
     @property
     def problem(self) -> str:
-        """The reason why no robot can be commanded; '' while one can."""
+        """The reason why no robot can be commanded; '' while at least one can."""
         actions = [robot.server.action for robot in self._robots.values()]
         if any(self._node.servers.get(action) for action in actions):
             return ""
@@ -112,7 +112,7 @@ class Ros2Link(ThreadedLink):
         if (topic := self._site.connection.map) is not None:
             maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
             wanted = "once, from map_server or SLAM, or set 'map: null'"
-            findings.append(maps.unless(self._maps, wanted, "the console draws no map of theirs"))
+            findings.append(maps.unless(self._maps, wanted, "the console does not draw their map"))
         return findings
 
     def close(self) -> None:
@@ -120,7 +120,7 @@ class Ros2Link(ThreadedLink):
         self._node.close()
 
     def _send(self) -> None:
-        """Send the waiting commands; a motion that waits with a later hold is refused."""
+        """Send the waiting commands; a motion is refused if a later hold waits with it."""
         waiting = [self._commands.popleft() for _ in range(len(self._commands))]
         for place, command in enumerate(waiting):
             held = {later.agent for later in waiting[place:] if later.verb == "hold"}

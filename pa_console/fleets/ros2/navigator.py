@@ -74,7 +74,7 @@ class _Goal:
 
 @dataclass
 class Navigator:
-    """The execution of the commands to one robot; one thread calls all members, `step` often."""
+    """The execution of the commands to one robot; one thread calls all members, `step` repeatedly."""
 
     name: str
     entry: RobotEntry
@@ -174,13 +174,13 @@ class Navigator:
         if self.manual:
             return "a person steers it"
         if command.verb not in self.entry.able:
-            return f"it is not able to {command.verb}: its connection file does not name that"
+            return f"it is not able to {command.verb}: its connection file does not list it"
         if command.target is not None and command.target not in self.site.world.frames:
             return f"there is no frame {command.target}"
         if servers > 1:
             return f"{servers} action servers are called {action}: stop all but one"
         if not servers:
-            return f"no action server {action} is there"
+            return f"there is no action server {action}"
         return f"not ready: {self.not_ready}" if self.not_ready else ""
 
     def _running(self) -> _Goal | None:
@@ -191,9 +191,9 @@ class Navigator:
         return None
 
     def _order(self, command: DeviceCommand) -> None:
-        """Replace the robot's goal by a new one.
+        """Replace the robot's goal with a new one.
 
-        Nav2 replaces its goal by itself if both goals have the same behaviour tree. Otherwise it
+        Nav2 replaces its goal by itself if both goals have the same behaviour tree. Otherwise, it
         would keep the old goal, so the old goal is cancelled first.
         """
         running, self._waiting, self._hold = self._running(), None, None
@@ -213,7 +213,7 @@ class Navigator:
             self._go(goal)
 
     def _supersede(self, cause: str) -> None:
-        """Set the reason why all orders so far end; an order that was not sent ends at once."""
+        """Set the reason why the unfinished orders end; an order that was not sent ends at once."""
         for goal in self._goals.values():
             if not goal.over:
                 goal.cause = cause
@@ -255,9 +255,9 @@ class Navigator:
             return
         state, error = result or (ACTIVE[0], "")
         if state == UNKNOWN:
-            why = "it does not know the goal any more: was it started again?"
+            why = "it no longer knows the goal: was it restarted?"
             if not goal.accepted:
-                why = goal.cause or "it never answered: the goal got lost, and is not sent again"
+                why = goal.cause or "it never answered: the goal was lost, and is not sent again"
             self._answer(goal, "failed", why)
         elif state in ACTIVE:
             self._ask(goal)
@@ -267,12 +267,12 @@ class Navigator:
                 goal.arrived_s = self.clock()
                 self._arrive(goal, 0.0)
             else:
-                why = error or "it gave up and gives no reason"
-                why = "cancelled by somebody else" if state == CANCELED else why
+                why = error or "it gave up without giving a reason"
+                why = "cancelled by another program" if state == CANCELED else why
                 self._answer(goal, "failed", goal.cause or why)
 
     def _arrive(self, goal: _Goal, waited_s: float) -> None:
-        """Answer that the robot has arrived if its place confirms it.
+        """Answer that the robot has arrived, if its place confirms the arrival.
 
         The order fails if the place does not confirm the arrival within ARRIVED_S.
         """
@@ -285,8 +285,9 @@ class Navigator:
             self._stays = COMMANDS[goal.command.verb].task or "idle"
             self._answer(goal, "done", f"at {goal.frame}")
         elif waited_s >= ARRIVED_S:
-            where = f"reports itself {off_m:.0f} m away" if math.isfinite(off_m) else "is not seen"
-            self._answer(goal, "failed", f"it says that it is at {goal.frame}, but {where}")
+            where = f"{off_m:.0f} m away" if math.isfinite(off_m) else "unknown"
+            why = f"it reports its arrival at {goal.frame}, but its place is {where}"
+            self._answer(goal, "failed", why)
 
     # Holds
 

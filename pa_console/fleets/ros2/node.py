@@ -110,7 +110,7 @@ class RosNode:
         depth: int = 50,
         raw: bool = False,
     ) -> Any:
-        """Return a subscription to a topic; `kept` topics deliver their last message at once.
+        """Return a subscription to a topic; if the topic is `kept`, its last message comes at once.
 
         If messages arrive too fast, only the last `depth` messages are processed. A `raw` message
         is passed to `take` as it was received, in bytes.
@@ -127,7 +127,7 @@ class RosNode:
     def next_message(self, topic: str, kind: str, most_bytes: int, limit_s: float) -> Any:
         """Return the next message on a topic; waits in the caller's thread.
 
-        The topic is subscribed to only for this time. Raises TimeoutError after `limit_s`, and
+        The topic is subscribed to only during the wait. Raises TimeoutError after `limit_s`, and
         UnreadableError for a message of more than `most_bytes`.
         """
         arrived: Future[bytes] = Future()
@@ -149,7 +149,7 @@ class RosNode:
     def call(
         self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0
     ) -> None:
-        """Call a service; `then` gets the answer, or None if there is none within `limit_s`.
+        """Call a service; `then` gets the answer, or None if no answer arrives within `limit_s`.
 
         After None, `then` still gets an answer that is at most `late_s` late.
         """
