@@ -119,7 +119,7 @@ class KeyFolder:
         return Keys(self._load("station", station), name, own, self.owner, self.messages)
 
     def person(self) -> tuple[str, Ed25519PrivateKey]:
-        """Return the name and key of the first person in the roster whose key is on this machine."""
+        """Return name and key of the first person in the roster whose key is on this machine."""
         name = self._first("person", self.trust().roster.people)
         return name, self._load("person", name)
 
@@ -331,7 +331,9 @@ class KeyFolder:
 
     def _require_site(self) -> None:
         if not self.made:
-            raise SigningError(f"{self.path}: there are no keys of a site; run pa-console keys make")
+            raise SigningError(
+                f"{self.path}: there are no keys of a site; make them with pa-console keys make"
+            )
 
     def _first(self, kind: str, names: Mapping[str, object]) -> str:
         for name in names:
@@ -400,7 +402,8 @@ class KeyFolder:
             make_private_folder(self.path)
             lock.acquire()
         except Timeout as error:
-            raise SigningError(f"{self.path}: another program changes the keys; try again") from error
+            problem = "another program is changing the keys; try again"
+            raise SigningError(f"{self.path}: {problem}") from error
         except OSError as error:
             problem = f"keys cannot be stored there: {error.strerror or error}"
             raise SigningError(f"{self.path}: {problem}") from error

@@ -290,7 +290,7 @@ class LinkedFleet(ReportedFleet):
                     self._take_sensor(self._stamp(news.sensor, news.sent), news)
 
     def _is_on(self, link: Link, name: str) -> bool:
-        """Return whether `name` is an asset of `link`; if not, report that its news is set aside."""
+        """Return whether `name` is an asset of `link`; if not, report its news as set aside."""
         if self._link_of.get(name) is link:
             return True
         text = f"reports over {link.name}, to which it does not belong: set aside"

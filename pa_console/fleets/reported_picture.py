@@ -160,9 +160,9 @@ def _sensors(file: TrackFile) -> frozenset[str]:
 class ReportedPicture:
     """The picture of a fleet, built from reports and detections.
 
-    Each of them is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the station's
-    clock. No message can prevent a picture: a message that causes an error is left out, and `show`
-    returns its sender.
+    Each of them is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the
+    station's clock. No message can prevent a picture: a message that causes an error is left out,
+    and `show` returns its sender.
     """
 
     def __init__(self, world: World) -> None:

@@ -199,7 +199,7 @@ def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable
         """Stop every asset at once and end every mission; only a person releases the stop."""
         with _told():
             session.stop(who())
-        return "every asset was told to hold; mission_status and picture show what telemetry says"
+        return "every asset was sent a hold; mission_status and picture show what telemetry reports"
 
 
 def _clear(session: AgentsSession, text: str, meant: ElicitationResult[Meant]) -> str:
@@ -282,7 +282,7 @@ class AgentTokens:
         self._tokens = tokens
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """Return the access of an agent's token; None for an unknown token or a person's."""
+        """Return the access of an agent's token; None if it is unknown or belongs to a person."""
         try:
             bearer = self._tokens.find(token)
         except (RefusedError, ValueError, OSError):

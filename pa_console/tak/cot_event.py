@@ -209,7 +209,7 @@ class ReceivedEvent:
 def read_event(document: bytes) -> ReceivedEvent | None:
     """Return the event in `document`, or None if it is invalid.
 
-    A document type is refused, and with it every entity that would grow during reading.
+    A document type is refused, because its entities could grow without limit when they are read.
     """
     try:
         root = _PARSE(document, forbid_dtd=True)
@@ -245,14 +245,14 @@ def _event(root: Element) -> ReceivedEvent:
 def _uid(text: str) -> str:
     shown = visible_line(text)
     if len(shown) > MOST_UID:
-        raise ValueError("too long a uid")
+        raise ValueError("the uid is too long")
     return shown
 
 
 def _degrees(text: str, most: float) -> float:
     value = float(text)
     if not math.isfinite(value) or abs(value) > most:
-        raise ValueError(f"{text} is no angle")
+        raise ValueError(f"{text} is not an angle")
     return value
 
 

@@ -353,7 +353,7 @@ class SessionOnMap:
         match event.data:
             case TelemetryReceived(picture=picture):
                 moment = min(event.t, self._now())
-                # After a clock was set back, the difference is negative, and the picture is shown.
+                # If the clock was set back, the difference is negative, and the picture is shown.
                 if self._last is not None and timedelta() <= moment - self._last < self._every:
                     return
                 self._last = moment

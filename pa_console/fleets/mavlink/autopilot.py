@@ -217,7 +217,7 @@ class MavsdkAutopilot:
         return MavlinkMessage(name, 0, 0, self.system_id, AUTOPILOT, json.dumps(fields))
 
     def hold(self) -> None:
-        """Change to the mode that keeps the place; mavsdk repeats the request until it is answered."""
+        """Change to the mode that keeps the place; mavsdk repeats the request until answered."""
         if self.kind == "ardupilot":
             fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=self._stands)
             self._direct.send_command_async(self._message("COMMAND_LONG", fields), self._stood)

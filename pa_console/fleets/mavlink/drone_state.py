@@ -142,7 +142,7 @@ class DroneState:
 
     @property
     def landed(self) -> bool:
-        """True if the vehicle is on the ground, or if it is disarmed and its landed state unknown."""
+        """True if the vehicle is on the ground, or if this is unknown and it is disarmed."""
         unheard = self.on_ground is None and not self.armed
         return self.ground_bound or self.on_ground is True or unheard
 

@@ -16,8 +16,7 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.geography import Geography
 
 SAME_E7 = 2
-"""The largest difference between matching corners, in 10^-7 degrees (2 cm); autopilots round.
-"""
+"""The largest difference between matching corners, in 10^-7 degrees (2 cm); autopilots round."""
 
 ANSWER_S = 30.0
 """The longest wait for the result of a transfer, in seconds; then the transfer is tried again."""

@@ -143,7 +143,7 @@ class MavlinkLink(ThreadedLink):
                 word = str(error).rpartition(": ")[2].lower().replace("_", " ")
                 raise ValueError(
                     f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and "
-                    "whether another program has the port"
+                    "whether another program uses the port"
                 ) from None
         self._authorizer = ArmAuthorizerServer(self._mavsdk.server_component(0))
         self._authorizer.subscribe_arm_authorization(self._asked_to_arm)
@@ -298,7 +298,7 @@ class MavlinkLink(ThreadedLink):
                 continue
             if name is None:
                 self._strangers.add(number)
-                text = f"system id {number} is heard but not in the file of the drones: not commanded"
+                text = f"system id {number} is heard but not in the file of drones: not commanded"
                 self._tell(LinkNotice("warning", "mavlink", text))
                 continue
             kind = self._vehicles.vehicles[name].kind

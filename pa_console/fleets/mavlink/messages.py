@@ -23,7 +23,7 @@ def needed_messages(kind: AssetKind, position_s: float) -> tuple[NeededMessage, 
         NeededMessage("HEARTBEAT", 1.0, "its mode is unknown, and it accepts no orders", 0),
         NeededMessage(POSITION, position_s, "its place is unknown, and it accepts no orders", 33),
         NeededMessage(
-            "SYS_STATUS", 1.0, "its battery counts as low, and its reasons not to arm are unknown", 1
+            "SYS_STATUS", 1.0, "its battery counts as low, and its arming checks are unknown", 1
         ),
         *((lands,) if kind == "uav" else ()),
         NeededMessage(

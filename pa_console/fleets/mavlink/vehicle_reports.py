@@ -31,7 +31,7 @@ MOST_TEXTS = 512
 """The largest number of different notices in REPEAT_TEXT_S; further ones are dropped."""
 
 COMPLETE_S = 5.0
-"""The time after which a vehicle is used even without battery level and landed state, in seconds."""
+"""The longest wait for the battery level and the landed state, in seconds; both are optional."""
 
 NO_ESTIMATE = "it has no position estimate yet"
 
@@ -83,7 +83,7 @@ class ReportingVehicle(ABC):
         self.fence.uploaded(problem, self._now())
 
     def home_at(self, latitude: float, longitude: float) -> None:
-        """Process the home position, to which the vehicle returns; report one away from the base."""
+        """Process the home position, where the vehicle returns; warn if it is not at the base."""
         home = self._geography.near(latitude, longitude)
         if home is None:
             return
@@ -173,7 +173,7 @@ class ReportingVehicle(ABC):
         return ""
 
     def _note_readiness(self, now: float) -> None:
-        """Update the reasons why the vehicle cannot start yet; request the vehicle's own reasons."""
+        """Update the reasons why the vehicle cannot start yet; ask the vehicle for its own."""
         state = self.state
         parts: list[str] = []
         if self.heard and state.parked:

@@ -167,7 +167,7 @@ class MapFit:
 
     @classmethod
     def of(cls, on_map: dict[str, Point], in_world: dict[str, Point]) -> Self:
-        """Return the best fit (least squares) of two or more frames, with positions on both maps."""
+        """Return the best fit (least squares) of two or more frames, with places on both maps."""
         there = {name: complex(*at) for name, at in on_map.items()}
         here = {name: complex(*in_world[name]) for name in on_map}
         middle = sum(there.values()) / len(there)

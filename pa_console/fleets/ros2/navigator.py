@@ -74,7 +74,7 @@ class _Goal:
 
 @dataclass
 class Navigator:
-    """The execution of the commands to one robot; one thread calls all members, `step` repeatedly."""
+    """The execution of the commands to one robot; one thread calls all members, `step` often."""
 
     name: str
     entry: RobotEntry

@@ -42,7 +42,7 @@ def state_of(
     sent: datetime,
     zone_sets: tuple[KnownZoneSet, ...] = (),
 ) -> RobotState:
-    """Return the state message of `vehicle`, from its own report `said`, sent at `sent` (UTC)."""
+    """Return the state message of `vehicle`, from its own `report`, sent at `sent` (UTC)."""
     nodes, edges = vehicle.way_ahead()
     errors = list(vehicle.errors)
     if said.status == "failed":
@@ -130,7 +130,7 @@ def telemetry_of(
 
 
 def faults_of(state: RobotState) -> Iterator[str]:
-    """Yield the faults for which a robot counts as failed."""
+    """Yield the faults because of which a robot counts as failed."""
     if state.operating_mode in ("STARTUP", "SERVICE"):
         yield f"its operating mode is {state.operating_mode}"
     if (stop := state.safety_state.active_emergency_stop) != "NONE":
@@ -148,7 +148,7 @@ def _status(state: RobotState) -> AssetStatus:
 
 
 def _post(state: RobotState, terrain: Terrain) -> str | None:
-    """Return the frame where the robot is or to which it goes; None if it is not in the world."""
+    """Return the frame where the robot is or to which it goes; None if the world lacks it."""
     name = state.node_states[-1].node_id if state.node_states else state.last_node_id
     return name if name in terrain.world.frames else None
 

@@ -122,7 +122,7 @@ def _left_of_hold(command_id: str, state: RobotState) -> str | None:
     if cancelled is not None and cancelled.action_status not in ENDED:
         return "its order is being cancelled"
     if state.node_states:
-        return "an order is left"
+        return "it still has an order"
     return "it still moves" if state.moves else None
 
 
@@ -200,14 +200,14 @@ class Robot:
         return f"its factsheet does not offer {command.verb}"
 
     def ask(self, action_id: str, command: DeviceCommand) -> None:
-        """Record that `command` is sent as `action_id`; a repeated one gets a new answer."""
+        """Record that `command` is sent as `action_id`; a repeated command gets a new answer."""
         self.asked[action_id] = _PendingCommand(command)
         self.asked.move_to_end(action_id)
         if len(self.asked) > MOST_ASKED:
             self.asked.popitem(last=False)
 
     def command_id(self, action_id: str | None) -> str | None:
-        """Return the id of the command that was sent as `action_id`; an unknown id unchanged."""
+        """Return the id of the command sent as `action_id`; if it is unknown, `action_id` itself."""
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 

@@ -204,7 +204,7 @@ class Speaker:
 
 
 class Gateway(Speaker):
-    """The bus client of one asset, with which it is connected by radio.
+    """The bus client of one asset, to which it is connected by radio.
 
     `forward` sends a command over the radio link. The states on the bus come from the asset's own
     reports, and their time is that of the last report.

@@ -110,7 +110,7 @@ class SharedSession:
 def signed_messages(
     site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime
 ) -> list[OutgoingMessage]:
-    """Return messages that retain the signed `messages` (by kind), in the order for receivers."""
+    """Return messages that retain the signed `messages` (by kind), in the order receivers need."""
     found: list[OutgoingMessage] = []
     for kind in additions.SIGNED:
         if (message := messages.get(kind.TOPIC)) is not None:

@@ -330,8 +330,8 @@ class SimulatedSite:
     def _time_of(self, tick: int) -> datetime:
         """Return the time of a tick.
 
-        At a paced site, it follows from the start. Otherwise, it is counted back from the time at
-        which the current step was due, so that the real time between steps does not matter.
+        At a paced site, it is counted from the start. Otherwise, it is counted back from the time
+        at which the current step was due, so that the real time between steps does not matter.
         """
         if self._options.paced:
             return self._epoch + timedelta(seconds=tick * self._world.dt_s)
