@@ -388,9 +388,9 @@ class LinkedFleet(ReportedFleet):
         except Exception as error:
             return f"{type(error).__name__}: {error}"
 
-    def _fault(self, link: Link, what: str, error: Exception) -> None:
-        text = f"{what}: {type(error).__name__}: {error}"
-        self._say("alarm", link.name, text, f"fault {what}")
+    def _fault(self, link: Link, problem: str, error: Exception) -> None:
+        text = f"{problem}: {type(error).__name__}: {error}"
+        self._say("alarm", link.name, text, f"fault {problem}")
 
 
 def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
@@ -399,7 +399,7 @@ def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
     Raises ValueError if a link is given twice, if an asset is on two links, or if an asset is
     missing from the world.
     """
-    found: dict[str, Link] = {}
+    link_of: dict[str, Link] = {}
     names = [link.name for link in links]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise ValueError(f"{twice} is given twice: give each link once")
@@ -410,8 +410,8 @@ def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
                     f"{link.name} drives {name}, which is not an asset of this world: "
                     "add it to the world file, or take it off the link"
                 )
-            if (other := found.setdefault(name, link)) is not link:
+            if (other := link_of.setdefault(name, link)) is not link:
                 raise ValueError(
                     f"{name} is on two links, {other.name} and {link.name}: take it off one of them"
                 )
-    return found
+    return link_of

@@ -98,14 +98,14 @@ class Reach(NamedTuple):
 
 
 def within_share(
-    files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
+    files: dict[str, TrackFile], sensor: str, detections: Sequence[Detection]
 ) -> tuple[list[Detection], list[SetAside]]:
     """Return the accepted detections of `sensor`, and a notice for each limit that was reached.
 
     Contacts that already have tracks are accepted first. If there are MOST_TRACKS tracks, a new
     contact replaces a track of a sensor that reports more; that track is removed from `files`.
     """
-    ordered = sorted(found, key=lambda detection: detection.contact not in files)
+    ordered = sorted(detections, key=lambda detection: detection.contact not in files)
     own = frozenset((sensor,))
     alone = sum(_sensors(file) == own for file in files.values())
     taken: list[Detection] = []
@@ -129,8 +129,10 @@ def within_share(
         SetAside(other, f"reports so much that it lost {count(number, 'track')}", "gave way")
         for other, number in gave_way.items()
     ]
-    if len(taken) < len(found):
-        text = f"reports {len(found)} contacts: {len(taken)} are accepted, the rest is set aside"
+    if len(taken) < len(detections):
+        text = (
+            f"reports {len(detections)} contacts: {len(taken)} are accepted, the rest is set aside"
+        )
         aside.append(SetAside(sensor, text, "many contacts"))
     return taken, aside
 
@@ -206,11 +208,11 @@ class ReportedPicture:
         self._keep()
         self.show()
 
-    def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+    def report(self, name: str, stamp: int, telemetry: AssetTelemetry) -> None:
         """Process the report of asset `name` from tick `stamp`, unless a newer one is known."""
-        self._take(name, partial(self._report, name, stamp, said, self._lag_s))
+        self._take(name, partial(self._report, name, stamp, telemetry, self._lag_s))
 
-    def _report(self, name: str, stamp: int, said: AssetTelemetry, lag_s: float) -> None:
+    def _report(self, name: str, stamp: int, telemetry: AssetTelemetry, lag_s: float) -> None:
         scene = self._scene
         heard = scene.station.heard[name]
         if stamp <= heard.stamp:
@@ -218,14 +220,14 @@ class ReportedPicture:
         held_up_s = max(0.0, lag_s - self._lags.get(name, lag_s))
         self._lags[name] = lag_s
         asset = scene.assets[name]
-        asset.x, asset.y = said.position
-        asset.battery, asset.failed = said.battery_pct, said.status == "failed"
+        asset.x, asset.y = telemetry.position
+        asset.battery, asset.failed = telemetry.battery_pct, telemetry.status == "failed"
         if heard.stamp <= self._never:
             scene.station.heard[name] = Heard(
-                SelfReport.of(said), stamp, station_side.marks_of("ok")
+                SelfReport.of(telemetry), stamp, station_side.marks_of("ok")
             )
             return
-        report = Report(name, stamp, SelfReport.of(said), held_up_s=held_up_s)
+        report = Report(name, stamp, SelfReport.of(telemetry), held_up_s=held_up_s)
         station_side.receive(self.terrain, scene, (report,))
 
     def break_link(self, name: str) -> None:

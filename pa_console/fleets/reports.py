@@ -143,9 +143,7 @@ class Belief:
 
     def ahead(self, name: str) -> None:
         """Emit a notice that the clock of `name` is ahead."""
-        self._say(
-            "alarm", name, "its clock is ahead of ours: its reports are ignored", "ahead"
-        )
+        self._say("alarm", name, "its clock is ahead of ours: its reports are ignored", "ahead")
 
     def is_latest(self, name: str, sent: datetime) -> bool:
         """Return whether a report is not older than the last one of asset `name`, and record it."""

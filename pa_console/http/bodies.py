@@ -106,9 +106,7 @@ class ToSignView(BaseModel):
         Field(description="further approved acts: to override the judge, to accept a finding"),
     ]
     ends: Annotated[float, Field(description="the end of its validity, in seconds since 1970")]
-    to_sign: Annotated[
-        str, Field(description="the exact bytes (ASCII) to sign with Ed25519")
-    ]
+    to_sign: Annotated[str, Field(description="the exact bytes (ASCII) to sign with Ed25519")]
     sha256: Annotated[Sha256, Field(description="the SHA-256 of `to_sign`")]
 
 

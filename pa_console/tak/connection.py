@@ -60,7 +60,7 @@ class Certificate:
 
     @classmethod
     def of(cls, certificate: Path | None, key: Path | None, ca: Path | None) -> Self | None:
-        """Return the certificate, None without options; raise ValueError if one or its file is missing."""
+        """Return the certificate, None without options; raise ValueError if one is incomplete."""
         if certificate is None and key is None and ca is None:
             return None
         if certificate is None or ca is None:
@@ -233,7 +233,7 @@ class TakConnection:
     def words(self) -> str:
         """The numbers of events that were sent, not sent and dropped, in words."""
         rest = ((len(self.outbox), "not sent"), (self.outbox.dropped, "dropped"))
-        more = "".join(f", {number} {what}" for number, what in rest if number)
+        more = "".join(f", {number} {state}" for number, state in rest if number)
         return f"{count(self.sent, 'event')} sent{more}"
 
     def send(self, events: Iterable[CotEvent]) -> None:

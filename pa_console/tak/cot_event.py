@@ -117,7 +117,7 @@ class EventStream:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Return the events that end in `data`, each from `<event` to `</event>`."""
-        found: list[bytes] = []
+        events: list[bytes] = []
         searched = max(len(self._rest) - len(END) + 1, 0)
         self._rest += data
         begin = 0
@@ -128,13 +128,13 @@ class EventStream:
                 self.broken += not self._skipping
                 self._skipping = False
             elif (start := document.find(BEGIN)) >= 0:
-                found.append(document[start:])
+                events.append(document[start:])
         del self._rest[:begin]
         if len(self._rest) > self._most:
             self.broken += not self._skipping
             self._skipping = True
             del self._rest[: -len(END) + 1]
-        return found
+        return events
 
 
 _PARSE = cast(Callable[..., Element], ElementTree.fromstring)

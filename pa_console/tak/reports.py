@@ -100,8 +100,8 @@ class ContactBook:
             time=min(heard.time, now),
             stale=stale,
         )
-        if (known := self._known.get(heard.uid)) is not None:
-            known.contact = contact
+        if (old := self._known.get(heard.uid)) is not None:
+            old.contact = contact
             return True
         if not self._has_place(now):
             return False

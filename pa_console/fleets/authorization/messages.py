@@ -274,7 +274,7 @@ def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
 
 
 def open_message(
-    message: str, kind: Message, key: Ed25519PublicKey, what: str = "its authorization"
+    message: str, kind: Message, key: Ed25519PublicKey, subject: str = "its authorization"
 ) -> Claims:
     """Return the claims of a `message` of the given `kind`, which must be signed with `key`.
 
@@ -282,31 +282,31 @@ def open_message(
     or signed with another key. `subject` is the name of the message in the reason.
     """
     if len(message) > MOST_CHARACTERS:
-        raise RefusedError(f"{what} is longer than {MOST_CHARACTERS} characters")
+        raise RefusedError(f"{subject} is longer than {MOST_CHARACTERS} characters")
     try:
         opened = _JWS.decode_complete(message, key, [_ALGORITHM])
     except (jwt.InvalidSignatureError, InvalidSignature) as error:
-        raise RefusedError(f"{what} was altered, or signed with a wrong key") from error
+        raise RefusedError(f"{subject} was altered, or signed with a wrong key") from error
     except jwt.InvalidTokenError as error:
-        raise RefusedError(f"{what} cannot be read: {error}") from error
+        raise RefusedError(f"{subject} cannot be read: {error}") from error
     # Base64 can encode one signature in several ways. Only the canonical one is accepted, so that
     # an altered copy of a message cannot pass as a different message.
     if message.rpartition(".")[2] != base64url_encode(opened["signature"]).decode():
-        raise RefusedError(f"{what} is not in canonical form")
+        raise RefusedError(f"{subject} is not in canonical form")
     if opened["header"].get("typ") != f"pa-{kind}+jwt":
-        raise RefusedError(f"{what} is a message of another kind")
+        raise RefusedError(f"{subject} is a message of another kind")
     return read_claims(opened["payload"])
 
 
-def check_time(claims: Claims, what: str, most_s: float, now: float) -> None:
+def check_time(claims: Claims, subject: str, most_s: float, now: float) -> None:
     """Raise RefusedError if `claims` are not valid at `now`, or for more than `most_s` seconds."""
     begins, ends = claims["nbf"], claims["exp"]
     if not (is_time(begins) and is_time(ends) and ends - begins <= most_s + ROUNDING_S):
-        raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
+        raise RefusedError(f"{subject} is not limited to {most_s:.0f} s")
     if not now >= begins - LEEWAY_S:
-        raise RefusedError(f"{what} becomes valid only in {begins - now:.1f} s")
+        raise RefusedError(f"{subject} becomes valid only in {begins - now:.1f} s")
     if not now <= ends + LEEWAY_S:
-        raise RefusedError(f"{what} expired {now - ends:.1f} s ago")
+        raise RefusedError(f"{subject} expired {now - ends:.1f} s ago")
 
 
 def read_claims(payload: bytes) -> Claims:
@@ -406,8 +406,8 @@ class UnsignedApproval:
         return f"{self.text}.{base64url_encode(signature).decode()}"
 
 
-def _packed(said: Mapping[str, object]) -> str:
-    return base64url_encode(json.dumps(said, separators=(",", ":")).encode()).decode()
+def _packed(content: Mapping[str, object]) -> str:
+    return base64url_encode(json.dumps(content, separators=(",", ":")).encode()).decode()
 
 
 def _opened(text: str) -> tuple[Claims, Claims]:

@@ -111,11 +111,11 @@ class Trust:
         Raises RefusedError if the person may not approve or did not sign `message`, or if the
         approval is not valid at `now`.
         """
-        person, what = self.approver(name), f"the approval of {name}"
-        approval = open_message(message, "approval", public_key(person.key), what)
-        check_time(approval, what, APPROVAL_S, now)
+        person, subject = self.approver(name), f"the approval of {name}"
+        approval = open_message(message, "approval", public_key(person.key), subject)
+        check_time(approval, subject, APPROVAL_S, now)
         if approval["person"] != name or type(approval["orders"]) is not list:
-            raise RefusedError(f"{what} is not a valid approval")
+            raise RefusedError(f"{subject} is not a valid approval")
         return approval, person.key
 
     def records(self, station: str, message: str, now: float) -> Records:
@@ -124,16 +124,16 @@ class Trust:
         Raises RefusedError if the station did not sign `message`, or if the signature is not valid
         at `now`.
         """
-        key, what = self.roster.stations.get(station), f"the signature of {station}"
+        key, subject = self.roster.stations.get(station), f"the signature of {station}"
         if key is None or key in self.revoked:
             raise RefusedError(f"{station} is not a station of this site")
         try:
-            claims = open_message(message, "records", public_key(key), what)
-            check_time(claims, what, RECORDS_S, now)
+            claims = open_message(message, "records", public_key(key), subject)
+            check_time(claims, subject, RECORDS_S, now)
             first, last = whole_number(claims["first"]), whole_number(claims["last"])
             return Records(str(claims["session"]), first, last, str(claims["head"]))
         except (ValueError, KeyError, TypeError) as error:
-            raise RefusedError(f"{what} is not valid: {error}") from error
+            raise RefusedError(f"{subject} is not valid: {error}") from error
 
     def _take_roster(self, claims: Claims) -> None:
         roster = Roster.of(claims)

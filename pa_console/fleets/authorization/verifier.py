@@ -274,12 +274,12 @@ class Verifier:
 
         Raises RefusedError if the approval does not cover this command of this station.
         """
-        what = f"the approval of {name}"
+        subject = f"the approval of {name}"
         approval, key = self.trust.approval(name, message, self._now())
         if approval["station"] != token["iss"]:
-            raise RefusedError(f"{what} was not given to this station")
+            raise RefusedError(f"{subject} was not given to this station")
         if any(approval[part] != token[part] for part in ("session", "plan", "rules")):
-            raise RefusedError(f"{what} is for another plan or another rule set")
+            raise RefusedError(f"{subject} is for another plan or another rule set")
         if words(command) not in approval["orders"]:
-            raise RefusedError(f"{what} is not for {words(command)}")
+            raise RefusedError(f"{subject} is not for {words(command)}")
         return approval, key

@@ -114,11 +114,11 @@ class Flight(ReportingVehicle):
             return
         answers = self._answers
         if command.command_id in answers:
-            known, order = answers[command.command_id], self._order
+            answer, order = answers[command.command_id], self._order
             if order is not None and order.command.command_id == command.command_id:
                 order.tries = 0
-            if known is not None:
-                self._tell(known)
+            if answer is not None:
+                self._tell(answer)
             return
         answers[command.command_id] = None
         if len(answers) > KNOWN:
@@ -204,9 +204,9 @@ class Flight(ReportingVehicle):
             self._end(order, "failed", self.fence.problem)
             self._autopilot.hold()
         elif order.refused is not None:
-            what, since_s = order.refused
+            problem, since_s = order.refused
             if now - since_s >= REASON_S:
-                self._give_reason(order.command, what, since_s, order.acknowledged)
+                self._give_reason(order.command, problem, since_s, order.acknowledged)
                 self._order = None
         elif order.acknowledged and order.target and self._left_for_itself(order.started_s):
             self._end(order, "failed", self._left_words(order))
@@ -434,9 +434,9 @@ class Flight(ReportingVehicle):
         if hold is None:
             return
         if hold.refused is not None:
-            what, since_s = hold.refused
+            problem, since_s = hold.refused
             if now - since_s >= REASON_S:
-                self._give_reason(hold.command, what, since_s, hold.accepted_s is not None)
+                self._give_reason(hold.command, problem, since_s, hold.accepted_s is not None)
                 self._hold = None
             return
         if hold.asked or hold.accepted_s is None or state.manual or state.parked:
@@ -461,12 +461,12 @@ class Flight(ReportingVehicle):
         self._tell(answer)
 
     def _give_reason(
-        self, command: DeviceCommand, what: str, since_s: float, acknowledged: bool
+        self, command: DeviceCommand, problem: str, since_s: float, acknowledged: bool
     ) -> None:
         """Answer a refused command with the reason, and with the vehicle's texts of that time."""
         self._task, self.place = "holding", None
         status: ReplyStatus = "failed" if acknowledged else "refused"
-        self._answer(command, status, self._with_words(what, since_s - REASON_S))
+        self._answer(command, status, self._with_words(problem, since_s - REASON_S))
 
     def _report(self) -> AssetReport:
         fix, state, order = self.state.fix, self.state, self._order

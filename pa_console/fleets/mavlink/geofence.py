@@ -56,16 +56,16 @@ def fence_of(world: World, geography: Geography) -> tuple[FenceArea, ...]:
     )
 
 
-def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: Geography) -> str:
+def difference(areas: Sequence[FenceArea], items: Sequence[MavItem], geography: Geography) -> str:
     """Return the first difference of a geofence from `areas`; '' if there is none."""
-    if not found:
+    if not items:
         return "it has none"
-    strange = next((item for item in found if item.command not in VERTICES), None)
+    strange = next((item for item in items if item.command not in VERTICES), None)
     if strange is not None:
         return f"it has an item of another kind (MAV_CMD {strange.command})"
     polygons = [
         polygon
-        for (_, corners), group in groupby(found, lambda item: (item.command, item.params[0]))
+        for (_, corners), group in groupby(items, lambda item: (item.command, item.params[0]))
         for polygon in _split(list(group), round(corners))
     ]
     for area, polygon in zip(areas, polygons, strict=False):

@@ -210,14 +210,14 @@ class MavlinkLink(ThreadedLink):
             for autopilot, parameter in left:
                 self._post(partial(autopilot.read_parameter, parameter))
             time.sleep(READ_S)
-        found: list[LinkFinding] = []
+        findings: list[LinkFinding] = []
         for name in names:
             autopilot = self._autopilots[name]
-            found.append(readiness_finding(name, self._flights[name].readiness.why))
-            found += autopilot.messages.findings(name, time.monotonic())
+            findings.append(readiness_finding(name, self._flights[name].readiness.why))
+            findings += autopilot.messages.findings(name, time.monotonic())
             values = dict(autopilot.parameters)
-            found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
-        return found
+            findings += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
+        return findings
 
     def _unread(
         self, wanted: Mapping[str, Sequence[Parameter]]

@@ -205,9 +205,9 @@ class ReportingVehicle(ABC):
         else:
             self._say("info", f"is no longer flown by a pilot ({self.state.mode})")
 
-    def _with_words(self, what: str, since_s: float) -> str:
+    def _with_words(self, problem: str, since_s: float) -> str:
         words = "; ".join(list(dict.fromkeys(self.state.reasons(since_s)))[:2])
-        return f"{what}: {words}" if words else what
+        return f"{problem}: {words}" if words else problem
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
         """Emit a notice, unless an equal one was emitted within REPEAT_TEXT_S."""

@@ -77,16 +77,16 @@ class Ros2Link(ThreadedLink):
     def discover(self) -> Sequence[FoundRobot]:
         """Return a robot for each action server `NavigateToPose` in the domain."""
         named = {robot.server.action: robot for robot in self._robots.values()}
-        found: list[FoundRobot] = []
+        robots: list[FoundRobot] = []
         for action in sorted(action for action, count in self._node.servers.items() if count):
             if (robot := named.get(action)) is None:
                 name = action.rpartition("/")[0].strip("/").replace("/", "_")
-                found.append(FoundRobot(name, "robot", None, f"ROS 2, {action}"))
+                robots.append(FoundRobot(name, "robot", None, f"ROS 2, {action}"))
                 continue
             kind, seen = self._site.world.assets[robot.name].kind, robot.navigator.seen
             at = seen.at if seen is not None else None
-            found.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
-        return found
+            robots.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
+        return robots
 
     def image_on(self, topic: str, limit_s: float = MOST_S) -> bytes:
         """Return the next image on `topic`; raises SnapshotError if there is no valid image."""

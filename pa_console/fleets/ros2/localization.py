@@ -43,8 +43,8 @@ class Localization:
                 continue
             if before is None or transform.stamp >= before.stamp:
                 self._parents[transform.child] = transform
-        if (found := self._chain()) is not None:
-            self.move(*found, now_s)
+        if (chain := self._chain()) is not None:
+            self.move(*chain, now_s)
 
     def move(self, pose: Planar, stamp: float, now_s: float) -> None:
         """Set the place of the robot, unless it is older than the current one."""

@@ -63,13 +63,13 @@ class _Goal:
     """The reason why the console itself ends the order; '' if it does not."""
     arrived_s: float | None = None
     """The time at which the robot reported its arrival."""
-    said: DeviceAnswer | None = None
+    answer: DeviceAnswer | None = None
     """The last answer to the command."""
 
     @property
     def over(self) -> bool:
         """True once the command has its final answer."""
-        return self.said is not None and self.said.status in FINAL_REPLIES
+        return self.answer is not None and self.answer.status in FINAL_REPLIES
 
 
 @dataclass
@@ -121,9 +121,9 @@ class Navigator:
         """Send `command`, or repeat the last answer if it was sent before."""
         if command.verb == "hold":
             self._stop(command)
-        elif (known := self._goals.get(command.command_id)) is not None:
-            if known.said is not None:
-                self.answer(known.said)
+        elif (goal := self._goals.get(command.command_id)) is not None:
+            if goal.answer is not None:
+                self.answer(goal.answer)
         elif command.verb == "report":
             self._say(command, "acknowledged")
             self._reports[command] = self.clock()
@@ -312,7 +312,7 @@ class Navigator:
             self._say(hold, "acknowledged")
 
     def _answer(self, goal: _Goal, status: ReplyStatus, detail: str = "") -> None:
-        goal.said = self._say(goal.command, status, detail)
+        goal.answer = self._say(goal.command, status, detail)
 
     def _say(self, command: DeviceCommand, status: ReplyStatus, detail: str = "") -> DeviceAnswer:
         answer = DeviceAnswer(command.command_id, self.name, status, detail)

@@ -218,7 +218,7 @@ class ManagedNode:
             _GetState, self._service
         )
         request = _GetState.Request()
-        self._node.call(client, request, CALL_S, lambda said: then(said and read_state(said)))
+        self._node.call(client, request, CALL_S, lambda answer: then(answer and read_state(answer)))
 
 
 class Nav2Server:
@@ -248,7 +248,9 @@ class Nav2Server:
         stamped.pose.position.x, stamped.pose.position.y = at.x, at.y
         turned = stamped.pose.orientation
         turned.z, turned.w = math.sin(at.yaw / 2), math.cos(at.yaw / 2)
-        self._node.call(self._goals, request, CALL_S, lambda said: then(said and said.accepted))
+        self._node.call(
+            self._goals, request, CALL_S, lambda answer: then(answer and answer.accepted)
+        )
 
     def cancel(self, goal_id: bytes | None, then: Callable[[int | None], None]) -> None:
         """Cancel a goal, or all goals of all clients; `then` gets a `CancelGoal` return code."""
@@ -256,7 +258,7 @@ class Nav2Server:
         request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
         own, *others = self._cancels
         self._node.call(
-            own, request, CANCEL_S, lambda said: then(said and said.return_code), LATE_S
+            own, request, CANCEL_S, lambda answer: then(answer and answer.return_code), LATE_S
         )
         for other in others if goal_id is None else ():
             self._node.call(other, request, CALL_S, lambda _: None)
@@ -269,5 +271,5 @@ class Nav2Server:
         request = _Impl.GetResultService.Request()
         request.goal_id.uuid = list(goal_id)
         self._node.call(
-            self._results, request, RESULT_S, lambda said: then(said and read_result(said))
+            self._results, request, RESULT_S, lambda answer: then(answer and read_result(answer))
         )

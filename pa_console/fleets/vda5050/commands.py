@@ -158,7 +158,7 @@ class _PendingCommand:
     """A command of the station, and the last answer of its robot."""
 
     command: DeviceCommand
-    said: RobotAnswer | None = None
+    answer: RobotAnswer | None = None
 
 
 @dataclass
@@ -207,7 +207,7 @@ class Robot:
             self.asked.popitem(last=False)
 
     def command_id(self, action_id: str | None) -> str | None:
-        """Return the id of the command sent as `action_id`; if it is unknown, `action_id` itself."""
+        """Return the id of the command sent as `action_id`; if unknown, `action_id` itself."""
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 
@@ -215,9 +215,9 @@ class Robot:
         """Store `state`; yield each command that was sent with its new answer in `state`."""
         self.state = state
         for action_id, asked in list(self.asked.items()):
-            if asked.said is not None and asked.said.status in FINAL_REPLIES:
+            if asked.answer is not None and asked.answer.status in FINAL_REPLIES:
                 continue
             answer = answer_of(action_id, asked.command.verb, state)
-            if answer is not None and answer != asked.said:
-                self.asked[action_id] = replace(asked, said=answer)
+            if answer is not None and answer != asked.answer:
+                self.asked[action_id] = replace(asked, answer=answer)
                 yield asked.command, answer

@@ -343,8 +343,8 @@ class Vehicle:
             self._told.remove(action_id)
         del self._told[:-MOST_OPEN]
 
-    def _remember(self, action_id: str, known: _TakenAction | None) -> None:
-        self._known[action_id] = known
+    def _remember(self, action_id: str, action: _TakenAction | None) -> None:
+        self._known[action_id] = action
         if len(self._known) > MOST_KNOWN:
             self._known.popitem(last=False)
 
