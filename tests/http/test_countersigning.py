@@ -207,7 +207,7 @@ async def _history(kind: str, acts: list[Act]) -> None:
         ("eve", "bob", "own claims", 403, "wrong key"),
         ("eve", "eve", "own claims", 403, "'eve' is not in the roster"),
         ("gone", "gone", "own claims", 403, "was revoked"),
-        ("otto", "otto", "own claims", 403, "the role observer, which may approve nothing"),
+        ("otto", "otto", "own claims", 403, "the role observer, which may not approve"),
         ("bob", "bob", "late", 403, "expired"),
         ("bob", "bob", "plan", 403, "bob has signed another plan"),
         ("bob", "bob", "rules", 403, "bob has signed another rules"),
@@ -266,5 +266,5 @@ async def test_a_signature_made_elsewhere_completes_what_was_approved_here(tmp_p
 
 async def test_where_one_person_is_enough_nobody_is_asked_to_sign() -> None:
     async with waiting("move") as one:
-        with pytest.raises(ProblemError, match="one person is enough, who is ann"):
+        with pytest.raises(ProblemError, match="the approval of ann is enough"):
             one.session.to_sign(one.asked.request_id, "bob")

@@ -244,5 +244,5 @@ def test_rules_that_are_not_enrolled_are_told_before_a_vehicle_refuses() -> None
 
 def test_a_roster_that_its_owner_has_not_signed_is_refused() -> None:
     forged = auth.sign_roster(KEYS["cleo"], ROSTER)
-    with pytest.raises(ValueError, match=r"does not hold: .* wrong key"):
+    with pytest.raises(ValueError, match=r"is not valid: .* wrong key"):
         StationAuthority(keys_of("ann", (forged, TO_NORTH)))

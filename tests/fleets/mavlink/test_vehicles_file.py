@@ -71,7 +71,7 @@ def test_a_wrong_file_is_refused_with_line_field_and_remedy(
         ("udp://0.0.0.0:14540", r"which drone is which\?.*#FILE.yaml"),
         ("none.yaml", "none.yaml"),
         ("drones.yaml", "connection: missing; give for example udp://0.0.0.0:14540"),
-        ("udq://0.0.0.0:14540#drones.yaml", "is no connection; give udp://0.0.0.0:PORT"),
+        ("udq://0.0.0.0:14540#drones.yaml", "is not a connection; give udp://0.0.0.0:PORT"),
         ("udp://0.0.0.0#drones.yaml", r"cannot be opened \(connection url invalid\)"),
     ],
 )

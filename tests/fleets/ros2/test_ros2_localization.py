@@ -54,8 +54,8 @@ def test_transforms_are_read() -> None:
     [
         ([transform(x=math.nan)], "a number in it is nan"),
         ([transform(x=-math.inf)], "a number in it is -inf"),
-        ([transform(x=1e9)], "is no place on a map"),
-        ([transform(w=0.0)], "its direction is no rotation"),
+        ([transform(x=1e9)], "is not a place on a map"),
+        ([transform(w=0.0)], "its direction is not a rotation"),
         ([transform(w=math.inf)], "a number in it is inf"),
         ([transform()] * 5000, "it has 5000 items"),
     ],
@@ -87,8 +87,8 @@ def test_a_map_is_read_from_the_top() -> None:
         (grid(height=3), "it has 4 of 6 cells"),
         (grid(data=[0]), "it has 1 of 4 cells"),
         (grid(cell_m=math.nan), "a number in it is nan"),
-        (grid(cell_m=0.0), "a cell of 0 m is no cell of a map"),
-        (grid(cell_m=1e9), "is no cell of a map"),
+        (grid(cell_m=0.0), "a cell of 0 m is not a cell of a map"),
+        (grid(cell_m=1e9), "is not a cell of a map"),
     ],
 )
 def test_hostile_maps_are_set_aside(hostile: Any, why: str) -> None:
