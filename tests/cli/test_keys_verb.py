@@ -55,7 +55,7 @@ def test_without_keys_it_is_said_how_they_are_made(call: Call) -> None:
     for words in (("list",), ("revoke", "ann"), ("takeover", "north")):
         done = call("keys", *words)
         assert done.code == 2
-        assert "no keys of a site; pa-console keys make" in done.said
+        assert "no keys of a site; make them with pa-console keys make" in done.said
 
 
 @pytest.mark.usefixtures("made")
@@ -69,7 +69,7 @@ def test_one_more_person_is_enrolled_and_gets_another_role(call: Call) -> None:
     assert (other.code, "has another key" in other.err) == (2, True)
     assert "is not a public key" in call("keys", "enrol", "station", "south", "abc").said
     assert "give the public key" in call("keys", "enrol", "station", "south").said
-    assert "no name for a key" in call("keys", "make", "../bob").said
+    assert "not a name for a key" in call("keys", "make", "../bob").said
 
 
 @pytest.mark.usefixtures("made")

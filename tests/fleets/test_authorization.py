@@ -198,7 +198,7 @@ def test_trust_grows_and_never_shrinks() -> None:
         ("cleo", "ann", 2, "south", "wrong key"),
         ("eve", "eve", 2, "south", "not in the roster"),
         ("cleo", "cleo", 0, "south", "not newer"),
-        ("cleo", "cleo", -1, "south", "no number"),
+        ("cleo", "cleo", -1, "south", "not a whole number"),
     ],
 )
 def test_only_a_commander_gives_command_and_only_onwards(

@@ -254,7 +254,7 @@ async def test_a_signature_made_elsewhere_completes_what_was_approved_here(tmp_p
             again = await ask("POST", f"{path}/signatures", bob, json=body)
             assert (again.status_code, again.json()["type"][-14:]) == (409, "signed-already")
             stale = await ask("GET", "/v1/plans/M9.1/approval", bob)
-            assert (stale.status_code, "does not wait" in stale.json()["detail"]) == (409, True)
+            assert (stale.status_code, "no longer waits" in stale.json()["detail"]) == (409, True)
             for name, kind in (("otto", "may-not-sign"), ("zoe", "may-not-sign")):
                 told = (await ask("GET", f"{path}/approval?person={name}", bob)).json()
                 assert told["type"].endswith(kind)

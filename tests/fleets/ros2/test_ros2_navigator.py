@@ -366,7 +366,7 @@ def test_a_robot_that_forgot_its_goal_has_failed(world: World) -> None:
     rig.server.questions.pop()[1](None)  # no answer in time
     rig.settle()
     assert rig.said("c") == ["acknowledged", "failed"]
-    assert "was it started again?" in rig.answers[-1].detail
+    assert "was it restarted?" in rig.answers[-1].detail
 
 
 def test_another_behavior_tree_waits_until_the_running_goal_is_cancelled(world: World) -> None:
