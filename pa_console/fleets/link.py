@@ -24,7 +24,7 @@ OWN = (
     EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
     EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
 )
-"""The console's own links. MAVLink needs the extra `mavlink`; ROS 2 needs an installation of it."""
+"""The console's own links. MAVLink needs the extra `mavlink`; ROS 2 must be installed."""
 
 BUS = ("mqtt", "mqtts")
 """The schemes of a message bus (VDA 5050), which has a fleet class of its own."""
@@ -105,7 +105,7 @@ class Listener(Protocol):
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Wait for news, for `seconds` at most; return whether there is any."""
+        """Wait at most `seconds` for news; return whether any has arrived."""
         ...
 
     def close(self) -> None:

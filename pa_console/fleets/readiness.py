@@ -69,7 +69,7 @@ class MessageWatch:
         return (len(times) - 1) / max(now_s - times[0], 1e-3)
 
     def last_s(self, name: str) -> float:
-        """Return the time of the last arrival of a message; long ago if there is none."""
+        """Return the time of the last arrival of a message; a time long ago if there is none."""
         times = self._heard.get(name)
         return times[-1] if times else -1e9
 

@@ -71,7 +71,7 @@ class SetAside(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The position of a sensor and its range; noise and movement extend it by `doubt_m`."""
+    """The position of a sensor and its range, which noise and movement extend by `doubt_m`."""
 
     at: Point
     range_m: float
@@ -292,8 +292,8 @@ class ReportedPicture:
         """Advance to `tick`, which is `lag_s` seconds behind the real time of the session.
 
         A station that was delayed does not catch up, but its assets have moved in the meantime.
-        Therefore, the distance that an asset can have covered since its last report includes the
-        time that the station's clock has lost.
+        Therefore, the time that the station's clock has lost counts when the picture decides how
+        far an asset can have moved since its last report.
         """
         self._scene.tick, self._lag_s = tick, lag_s
 

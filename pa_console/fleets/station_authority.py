@@ -1,4 +1,4 @@
-"""The use of a station's keys: people's approvals and the station's commands are signed."""
+"""The signing of approvals and commands with the keys of a station and of the person at it."""
 
 import hashlib
 from collections import OrderedDict

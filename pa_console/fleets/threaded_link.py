@@ -30,7 +30,7 @@ class ThreadedLink:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for news, for `seconds` at most; return whether there is any."""
+        """Wait at most `seconds` for news; return whether any has arrived."""
         return self._arrived.wait(seconds)
 
     def _tell(self, news: LinkNews) -> None:

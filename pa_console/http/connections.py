@@ -1,4 +1,4 @@
-"""The port of a service: idle connections are closed, and their number is limited.
+"""The port of a service, with a limit of connections; idle connections are closed.
 
 Every program on this machine can connect, even without a token. If there are too many connections,
 those without a token are closed first and those of observers next. An operator always gets in.

@@ -89,7 +89,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class TakServer:
-    """A TAK server that takes CoT as a stream of XML."""
+    """A TAK server that accepts CoT as a stream of XML."""
 
     host: str
     port: int

@@ -26,7 +26,7 @@ How = Literal["m-g", "m-s"]
 """The source of a position: reported by the machine itself, or simulated."""
 BEGIN, END = b"<event", b"</event>"
 MOST_BYTES = 65_536
-"""The largest event that is read; the schema's own examples take a tenth of it."""
+"""The largest event that is read, in bytes; the schema's own examples have a tenth of them."""
 
 
 @dataclass(frozen=True)

@@ -200,7 +200,7 @@ class OwnEvents:
 
 
 def _is_same(sent: _OwnEvent, heard: ReceivedEvent) -> bool:
-    """Return True if `heard` is `sent`, returned by a server, perhaps with a shorter validity."""
+    """Return True if `heard` is `sent` as returned by a server, perhaps with a shorter validity."""
     return (
         sent.type == heard.type
         and abs(sent.time - heard.time) <= SAME

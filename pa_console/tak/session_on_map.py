@@ -145,7 +145,7 @@ ASSET_TYPES: dict[AssetKind, str] = {
     "ugv": "a-f-G-E-V-U",
     "robot": "a-f-G-E-V",
 }
-"""CoT types after MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
+"""CoT types according to MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
 
 MIL-STD-2525 has no unmanned ground vehicle.
 """

@@ -1,4 +1,4 @@
-"""The verifier of a vehicle, which decides whether a command may be carried out, and its memory."""
+"""The `Verifier` of a vehicle, which decides whether a command may be carried out; its `Memory`."""
 
 import json
 import sqlite3
@@ -147,9 +147,9 @@ class Verifier:
         return why
 
     def verify(self, token: str | None, command: Command) -> str:
-        """Return why `command` is refused; '' if it may be carried out now, once.
+        """Return why `command` is refused; '' if it may be carried out once, now.
 
-        A success uses up the token and one order of each approval.
+        In that case, the token and one order of each approval are used up.
         """
         try:
             if command.verb in UNSIGNED:

@@ -1,6 +1,7 @@
-"""A vehicle over mavsdk: its messages are passed to its `Flight`, and the flight's requests sent.
+"""The connection to one vehicle through mavsdk.
 
-mavsdk calls back on its own threads. The callbacks only hand their work over with `post`.
+The vehicle's messages are passed to its `Flight`, and the flight's requests are sent to it. mavsdk
+calls back on its own threads. The callbacks only hand their work over with `post`.
 """
 
 import json
@@ -26,7 +27,7 @@ from pa_console.fleets.mavlink.messages import POSITION, RequestedMessages, need
 from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
-"""A function that lets the link's own thread do some work."""
+"""A function that passes work to the link's own thread."""
 
 AUTOPILOT = 1
 """The component id of an autopilot; cameras and radios of the same vehicle are ignored."""

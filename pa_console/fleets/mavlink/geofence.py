@@ -104,7 +104,7 @@ class FenceWatch:
     """The monitor of one drone's geofence, which uploads the world's geofence at most once.
 
     Later changes by others are reported but not corrected. They may have a reason, and two stations
-    that overwrite each other's geofence would leave none.
+    that overwrite each other's geofence would leave the drone without one.
     """
 
     def __init__(

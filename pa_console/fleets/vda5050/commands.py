@@ -91,7 +91,7 @@ def order_of(
 def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | None:
     """Return the answer to a command in `state`; None if the state does not mention the command.
 
-    A hold is done when the pause has begun, no order is left, and this same state shows that the
+    A hold is done when the pause has begun, no order is left, and the same state shows that the
     robot has stopped. An acknowledgement alone is not enough.
     """
     for error in reversed(state.errors):

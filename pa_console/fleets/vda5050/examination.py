@@ -18,7 +18,7 @@ from pa_console.schema.world import AssetKind, World
 from pa_console.sim.worlds.terrain import Terrain
 
 EXAMINED = (RobotConnection, Factsheet, RobotState, Detections)
-"""The messages of robots and cameras that are examined."""
+"""The kinds of messages of robots and cameras that are examined."""
 
 
 def _needed(world: World, *, camera: bool) -> tuple[NeededMessage, ...]:
@@ -88,7 +88,7 @@ class BusListener:
         return [news for delivery in deliveries for news in self._take(delivery)]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one."""
+        """Wait at most `seconds` for a message; return whether one has arrived."""
         return self._joined.link.wait_news(seconds)
 
     def close(self) -> None:

@@ -50,7 +50,7 @@ class MqttFleet(ReportedFleet):
     ) -> None:
         super().__init__(ReportedPicture(world))
         self._elsewhere: Mapping[str, str] = {}
-        """The name of the link of each asset on another link."""
+        """For each asset on another link, the name of that link."""
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._period = station_side.period_ticks(world)
@@ -160,7 +160,7 @@ class MqttFleet(ReportedFleet):
         self._shared = session
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one."""
+        """Wait at most `seconds` for a message; return whether one has arrived."""
         return self._link.wait_news(seconds)
 
     def _token(self, command: DeviceCommand) -> str | None:
@@ -191,7 +191,7 @@ class MqttFleet(ReportedFleet):
     def _order(self, robot: Robot, command: DeviceCommand) -> None:
         """Send an order; first end the robot's pause, or cancel its current order, if necessary.
 
-        `command` has its id on the bus.
+        The id of `command` is its id on the bus.
         """
         replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
         if robot.busy and not replaces and not self._has_order(robot, command):

@@ -44,7 +44,7 @@ RESERVED = ("ca", BROKER, *ROLES, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
-"""The age of a new certificate, so that a machine with a slow clock accepts it as well."""
+"""The age with which a certificate is issued, so that a machine with a slow clock accepts it."""
 
 ROBOT_WRITES = ("connection", "state", "factsheet", "detections", "visualization")
 ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")

@@ -162,7 +162,7 @@ class StationLink:
         return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
 
     def wait_news(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one to take."""
+        """Wait at most `seconds` for a message; return whether there is one to take."""
         arrived = self._news.wait(seconds)
         self._news.clear()
         return arrived or bool(self._waiting)

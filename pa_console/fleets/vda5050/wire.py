@@ -24,7 +24,7 @@ MOST_BYTES = 256 * 1024
 MOST_ITEMS = 1000
 """The largest accepted number of items in a list of a message."""
 MAJOR = "v3"
-"""The part of a topic for the version."""
+"""The part of a topic that names the version."""
 
 
 class UnreadableError(ValueError):
