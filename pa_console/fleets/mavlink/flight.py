@@ -34,7 +34,7 @@ ACK_S, TRIES = 1.0, 4
 """The time between attempts to send an unanswered command, in seconds; the number of attempts."""
 
 REASON_S = 0.4
-"""The largest time between a refusal and the vehicle's text about it, in seconds, in either order."""
+"""The largest time between a refusal and the vehicle's text before or after it, in seconds."""
 
 ARRIVED_M, DRIVEN_M = 1.5, 3.5
 HEIGHT_M = 2.0
