@@ -105,7 +105,7 @@ class ReportingVehicle(ABC):
             self._give_up("it has started again")
         state, before = self.state, self.state.fix
         if problem := state.positioned(message, arrived):
-            self._say_now_and_then("alarm", f"{problem}: not believed")
+            self._say_now_and_then("alarm", f"{problem}: ignored")
         elif state.fix is not None and state.fix is not before and self._complete():
             self._seen()
 
