@@ -169,7 +169,7 @@ def test_a_robot_that_is_killed_in_motion_is_told_and_has_forgotten_its_goal(
         listener.send("b", "Ugv_T01", "move_to", "NorthGate")
         assert listener.final("b").detail == "there is no action server /ugv9/navigate_to_pose"
         again = Robots({"ugv9": (0.0, 0.0)}, doomed.domain)
-        assert "was it started again?" in listener.final("a").detail
+        assert "was it restarted?" in listener.final("a").detail
         listener.until(lambda: not listener.link.problem)
         listener.send("h", "Ugv_T01", "hold")
         assert listener.final("h").status == "done"
