@@ -16,7 +16,7 @@ from pa_console.schema.world import Background, World
 
 @dataclass(frozen=True)
 class PlanCountersignature:
-    """A second person's valid signature, made at another station, for a plan that waits here."""
+    """A second person's valid signature, made at another station, for the plan that waits here."""
 
     request_id: str
     person: str
@@ -53,11 +53,11 @@ class Forecast(Protocol):
         ...
 
     def send(self, command: DeviceCommand) -> None:
-        """Give `command` to its simulated device."""
+        """Send `command` to its simulated device."""
         ...
 
     def step(self) -> Sequence[CommandReply]:
-        """Simulate the next `world.dt_s`; return the replies that arrive in this time."""
+        """Simulate the next `world.dt_s` seconds; return the replies that arrive in this time."""
         ...
 
 
@@ -105,10 +105,10 @@ class Fleet(Outlook, Protocol):
         ...
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, at once.
+        """Show `assets`, and no others, as under manual control from this station, at once.
 
-        In the picture they are `manual` and not `available`, like assets that report manual
-        control themselves.
+        In the picture they are `manual` and not `available`, like assets that report manual control
+        themselves.
         """
         ...
 
@@ -136,7 +136,7 @@ class RelaysImages(Protocol):
     def image_on(self, topic: str) -> bytes:
         """Return the next image on `topic`; waits in the caller's thread.
 
-        Raises SnapshotError if no image arrives in time, or if it is not valid.
+        Raises SnapshotError if no image arrives in time, or if the image is not valid.
         """
         ...
 
@@ -147,7 +147,7 @@ class MapsGround(Protocol):
 
     @property
     def background(self) -> Background | None:
-        """The newest map; None before the first one."""
+        """The newest map; None before the first map."""
         ...
 
 

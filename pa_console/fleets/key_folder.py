@@ -1,8 +1,8 @@
-"""The keys of a site on this machine (of its owner, stations and people) and the signed messages.
+"""The site's keys on this machine (of its owner, stations and people), and its signed messages.
 
-They are in the folder `site-keys` beside this machine's signing key, readable only by the user.
-The other machines of the site do not have the owner's key; they receive the signed messages from
-the site.
+Both are in the folder `site-keys` beside this machine's signing key, readable only by the user. The
+other machines of the site do not have the owner's key; they receive the signed messages from the
+site.
 """
 
 import re
@@ -65,7 +65,7 @@ class KeyFolder:
     """The folder with the keys of one site; errors are SigningErrors with a path and a remedy."""
 
     def __init__(self, path: Path | None = None, ask: AskPassphrase | None = None) -> None:
-        """Use the folder at `path`, by default beside the signing key, without access to it yet.
+        """Use the folder at `path`, by default beside the signing key; nothing is read yet.
 
         `ask` returns the passphrase of a protected key.
         """
@@ -105,21 +105,21 @@ class KeyFolder:
         for name in KINDS_OF_TRUST:
             message = self._message(name)
             if message and (why := trust.take(message)) and name != "takeover":
-                raise SigningError(f"{self.path}/{name}.jwt: it does not hold: {why}")
+                raise SigningError(f"{self.path}/{name}.jwt: it is not valid: {why}")
         return trust
 
     def keys(self, person: tuple[str, Ed25519PrivateKey] | None = None) -> Keys:
         """Return the keys with which this station and the person at it sign.
 
-        They are the keys of the first station and the first person in the roster that are on this
-        machine. `person`, a name with a loaded key, replaces that person.
+        They are the keys of the first station and the first person in the roster whose keys are on
+        this machine. `person`, a name with a loaded key, replaces that person.
         """
         station = self._first("station", self.trust().roster.stations)
         name, own = person or self.person()
         return Keys(self._load("station", station), name, own, self.owner, self.messages)
 
     def person(self) -> tuple[str, Ed25519PrivateKey]:
-        """Return the first person in the roster whose key is on this machine: name and key."""
+        """Return name and key of the first person in the roster whose key is on this machine."""
         name = self._first("person", self.trust().roster.people)
         return name, self._load("person", name)
 
@@ -131,7 +131,7 @@ class KeyFolder:
     def make_site(
         self, person: str, station: str, rules: Mapping[str, EnrolledRules], passphrase: str = ""
     ) -> None:
-        """Make the keys of a new site: of its owner, of one station, and of one commander.
+        """Make the keys of a new site: the owner's, one station's, and one commander's.
 
         `passphrase` protects the owner's key and the person's key. The station's key has no
         passphrase, and the station is put in command. Raises ValueError if there are keys already.
@@ -150,7 +150,7 @@ class KeyFolder:
             replace_private(self._file(SITE_OWNER), public_of(owner).encode())
 
     def join(self, person: str, station: str, owner: str, passphrase: str = "") -> tuple[str, str]:
-        """Make the keys of one more station and person for the site of `owner`.
+        """Make the keys of one more station and of one more person for the site of `owner`.
 
         Returns the public keys of the person and the station, which the owner has to enrol. Raises
         ValueError if there are keys already, or if `owner` is not a public key.
@@ -174,7 +174,7 @@ class KeyFolder:
             self._sign(owner, replace(roster, people={**roster.people, name: made}))
 
     def enrol_person(self, name: str, key: str, role: Role) -> None:
-        """Add the person with that public `key` to the roster, or change the person's role."""
+        """Add the person with the public `key` to the roster, or change the person's role."""
         _named(name)
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -184,7 +184,7 @@ class KeyFolder:
             self._sign(owner, replace(roster, people=people))
 
     def enrol_station(self, name: str, key: str) -> None:
-        """Add the station with that public `key` to the roster."""
+        """Add the station with the public `key` to the roster."""
         _named(name)
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -195,7 +195,7 @@ class KeyFolder:
     def enrol_rules(self, content_sha256: str, rules: EnrolledRules) -> None:
         """Enrol a rule set and the numbers of approvals that it requires.
 
-        It replaces any rule set of the same name.
+        The rule set replaces any other of the same name.
         """
         with self._locked():
             owner, roster = self._owner(), self.trust().roster
@@ -203,10 +203,10 @@ class KeyFolder:
             self._sign(owner, replace(roster, rules={**kept, content_sha256: rules}))
 
     def revoke(self, name: str) -> None:
-        """Revoke the key of a person or station for ever, and remove its owner from the roster.
+        """Revoke the key of a person or station for ever, and remove `name` from the roster.
 
-        If the revoked commander put the present station in command, another commander on this
-        machine signs for that station again.
+        If the station in command was put there by the revoked commander, another commander with a
+        key on this machine signs a new takeover for that station.
         """
         with self._locked():
             owner, trust = self._owner(), self.trust()
@@ -222,7 +222,8 @@ class KeyFolder:
     def rotate(self, name: str, passphrase: str = "") -> None:
         """Make a new key for a person or station of this machine, and revoke the old key.
 
-        If this affects the takeover, a commander on this machine signs for the same station again.
+        If the current takeover depends on the old key, a commander with a key on this machine signs
+        a new takeover for the same station.
         """
         with self._locked():
             owner, trust = self._owner(), self.trust()
@@ -301,7 +302,7 @@ class KeyFolder:
         return trust.takeover
 
     def _sign(self, owner: Ed25519PrivateKey, roster: Roster) -> None:
-        """Sign `roster` as the next one; it makes takeovers of earlier epochs invalid."""
+        """Sign `roster` with the next serial; takeovers of earlier epochs become invalid."""
         serial, epoch = 1, 1
         if self.made:
             trust = self.trust()
@@ -311,9 +312,9 @@ class KeyFolder:
     def _revoke(self, owner: Ed25519PrivateKey, trust: Trust, key: str) -> None:
         """Revoke `key`, which the caller then removes from the roster.
 
-        If the change is interrupted in between, it can be repeated, because the roster still has
-        the key. The roster is signed with the present epoch first, so that takeovers which the key
-        signs for earlier epochs are not valid.
+        If the change is interrupted before the removal, it can be repeated, because the roster
+        still has the key. The roster is signed with the current epoch first, so that takeovers
+        which the key signs for earlier epochs are not valid.
         """
         self._sign(owner, trust.roster)
         keys = sorted(trust.revoked | {key})
@@ -323,20 +324,23 @@ class KeyFolder:
         self._require_site()
         if not self._file(_pem("owner", OWNER)).exists():
             raise SigningError(
-                f"{self.path}: the key of the site's owner is not on this machine; do this there"
+                f"{self.path}: the key of the site's owner is not on this machine; run the command "
+                "on the owner's machine"
             )
         return self._load("owner", OWNER)
 
     def _require_site(self) -> None:
         if not self.made:
-            raise SigningError(f"{self.path}: there are no keys of a site; pa-console keys make")
+            raise SigningError(
+                f"{self.path}: there are no keys of a site; make them with pa-console keys make"
+            )
 
     def _first(self, kind: str, names: Mapping[str, object]) -> str:
         for name in names:
             if self._file(_pem(kind, name)).exists():
                 return name
-        people = ", ".join(names) or "nobody"
-        raise SigningError(f"{self.path}: the key of no {kind} of the roster is here ({people})")
+        people = ", ".join(names) or "none"
+        raise SigningError(f"{self.path}: no {kind} in the roster has a key here ({people})")
 
     def _make(self, kind: str, name: str, passphrase: str = "") -> Ed25519PrivateKey:
         _named(name)
@@ -356,12 +360,12 @@ class KeyFolder:
         secret = None
         if b"ENCRYPTED" in pem:
             if self._ask is None:
-                raise SigningError(f"{path}: this key has a passphrase, and nobody can be asked")
+                raise SigningError(f"{path}: the passphrase of this key cannot be asked for here")
             secret = self._ask(name).encode()
         try:
             key = form.load_pem_private_key(pem, secret)
         except (ValueError, TypeError, UnsupportedAlgorithm) as error:
-            problem = "wrong passphrase" if secret is not None else "no private key in PEM"
+            problem = "wrong passphrase" if secret is not None else "not a private key in PEM"
             raise SigningError(f"{path}: {problem}") from error
         if not isinstance(key, Ed25519PrivateKey):
             raise SigningError(f"{path}: not an Ed25519 key")
@@ -398,9 +402,10 @@ class KeyFolder:
             make_private_folder(self.path)
             lock.acquire()
         except Timeout as error:
-            raise SigningError(f"{self.path}: somebody else changes the keys; try again") from error
+            problem = "another program is changing the keys; try again"
+            raise SigningError(f"{self.path}: {problem}") from error
         except OSError as error:
-            problem = f"cannot keep keys there: {error.strerror or error}"
+            problem = f"keys cannot be stored there: {error.strerror or error}"
             raise SigningError(f"{self.path}: {problem}") from error
         try:
             yield
@@ -414,7 +419,7 @@ def _pem(kind: str, name: str) -> str:
 
 def _named(name: str) -> None:
     if _NAME.fullmatch(name) is None:
-        raise ValueError(f"{name!r} is no name for a key: letters, digits, - and _, at most 64")
+        raise ValueError(f"{name!r} is not a name for a key: letters, digits, - and _, at most 64")
 
 
 def _key_of(name: str, roster: Roster) -> str:

@@ -24,7 +24,7 @@ OWN = (
     EntryPoint("ros2", "pa_console.fleets.ros2.link:open_link", GROUP),
     EntryPoint("mavlink", "pa_console.fleets.mavlink.link:open_link", GROUP),
 )
-"""The console's own links. MAVLink needs the extra `mavlink`; ROS 2 needs an installation of it."""
+"""The console's own links. MAVLink needs the extra `mavlink`; ROS 2 must be installed."""
 
 BUS = ("mqtt", "mqtts")
 """The schemes of a message bus (VDA 5050), which has a fleet class of its own."""
@@ -51,7 +51,7 @@ class LinkNotice:
 
 @dataclass(frozen=True)
 class NotReady:
-    """The reason why a reporting asset cannot start yet; '' once it can."""
+    """The reason why an asset that reports cannot start yet; '' once it can."""
 
     agent: str
     why: str
@@ -82,7 +82,7 @@ class FoundRobot:
 class Listener(Protocol):
     """A connection that reports on some assets of a world, with its own threads.
 
-    No member raises, and only `wait` and `close` take time.
+    No member raises an exception, and only `wait` and `close` take time.
     """
 
     @property
@@ -105,7 +105,7 @@ class Listener(Protocol):
         ...
 
     def wait(self, seconds: float) -> bool:
-        """Wait for news, for `seconds` at most; return whether there is any."""
+        """Wait at most `seconds` for news; return whether any has arrived."""
         ...
 
     def close(self) -> None:
@@ -149,7 +149,7 @@ class LinkFinding:
     """The effect of a wrong value; '' if the value found is correct."""
 
     def unless(self, good: object, wanted: str, consequence: str) -> "LinkFinding":
-        """Return this finding; if it is not `good`, with the value wanted and the consequence."""
+        """Return this finding; if it is not `good`, with the correct value and the consequence."""
         return self if good else replace(self, wanted=wanted, consequence=consequence)
 
 
@@ -158,7 +158,7 @@ class Examined(Listener, Protocol):
     """A link that can report what its robots send and how they are configured."""
 
     def examine(self, seconds: float) -> Sequence[LinkFinding]:
-        """Examine every robot, for `seconds` at most, without any command to it."""
+        """Examine every robot, for `seconds` at most, without sending it a command."""
         ...
 
 
@@ -176,7 +176,7 @@ def link_schemes() -> dict[str, EntryPoint]:
 
 
 def open_link(url: str, world: World, settings: Settings) -> Link:
-    """Return the link at `url`, SCHEME:ADDRESS, for the assets of `world`.
+    """Return the link at `url`, in the form SCHEME:ADDRESS, for the assets of `world`.
 
     Raises ValueError with a remedy if the scheme is unknown, if a library is missing, or if the
     package of the link reports a problem.

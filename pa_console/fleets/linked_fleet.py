@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pa_console.fleets.vda5050.mqtt_fleet import MqttFleet
 
 MOST_SENT = 4096
-"""The largest number of commands with tracked answers; the oldest are dropped first."""
+"""The largest number of commands whose answers are tracked; the oldest are dropped first."""
 
 MOST_NEWS = 20_000
 """The largest number of reports and answers from one link in one step; the rest is dropped."""
@@ -78,7 +78,7 @@ class LinkedFleet(ReportedFleet):
         bus: "MqttFleet | None" = None,
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        """Take the time of the assets from `now`; raises ValueError if an asset is on two links."""
+        """Read the assets' time from `now`; raises ValueError if an asset is on two links."""
         self._links, self._bus, self._now = tuple(links), bus, now
         self._began = self._read_at = now()
         self._link_of = _links_of_assets(self._links, world)
@@ -120,7 +120,7 @@ class LinkedFleet(ReportedFleet):
         return link.image_on(topic)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, at once."""
+        """Show `assets`, and no others, as under manual control from this station, at once."""
         if self._bus is not None:  # the bus makes the picture of all assets
             self._bus.mark_manual(assets)
         else:
@@ -155,14 +155,14 @@ class LinkedFleet(ReportedFleet):
         elif self._bus is not None:
             self._bus.send(command)
         else:
-            text = "is on no link: nothing can be sent to it"
+            text = "is not on any link: nothing can be sent to it"
             self._say("alarm", command.agent, text, "absent")
 
     def _may_go(self, command: DeviceCommand, link: Link) -> bool:
-        """Return whether `command` may go to its link now; a reply or a notice gives the reason."""
+        """Return whether `command` may be sent now; if not, a reply or a notice has the reason."""
         sent = self._sent.get(command.command_id)
         if sent is not None and sent.command != command:
-            self._refuse(command, "its id was given to another command before")
+            self._refuse(command, "its id was used for another command before")
             return False
         if sent is not None and sent.reply is not None and sent.ended:
             self._replies.append(sent.reply.model_copy(update={"tick": self._tick}))
@@ -250,7 +250,7 @@ class LinkedFleet(ReportedFleet):
         try:
             news = list(link.take())
         except Exception as error:
-            self._fault(link, "its news cannot be taken", error)
+            self._fault(link, "its news cannot be processed", error)
             return ()
         if len(news) > MOST_NEWS:
             text = f"{len(news) - MOST_NEWS} messages came too fast and were set aside"
@@ -258,7 +258,7 @@ class LinkedFleet(ReportedFleet):
         return news[:MOST_NEWS]
 
     def _note_problem(self, link: Link) -> None:
-        """Report a lost or restored connection; if it is lost, mark its assets as not reporting."""
+        """Report a lost or restored connection; after a loss, mark its assets as not reporting."""
         problem = self._problem_of(link)
         if bool(problem) == (link.name in self._down):
             return
@@ -290,15 +290,15 @@ class LinkedFleet(ReportedFleet):
                     self._take_sensor(self._stamp(news.sensor, news.sent), news)
 
     def _is_on(self, link: Link, name: str) -> bool:
-        """Return whether `name` is an asset of `link`; if not, report that it was set aside."""
+        """Return whether `name` is an asset of `link`; if not, report its news as set aside."""
         if self._link_of.get(name) is link:
             return True
-        text = f"reports over {link.name}, which it is not on: set aside"
+        text = f"reports over {link.name}, to which it does not belong: set aside"
         self._say("warning", name, text, "stranger")
         return False
 
     def _take_answer(self, link: Link, answer: DeviceAnswer) -> None:
-        """Queue `answer` for the next step, if it is for an unfinished command of that asset.
+        """Queue `answer` for the next step, if it is for an unfinished command to the same asset.
 
         An answer to an unknown command is reported and set aside.
         """
@@ -334,7 +334,7 @@ class LinkedFleet(ReportedFleet):
         """Return `report` as telemetry of `tick`; raises ValueError for impossible values."""
         world, (x, y) = terrain.world, report.position
         if not (isfinite(x) and isfinite(y)):
-            raise ValueError(f"its position ({x}, {y}) is no place")
+            raise ValueError(f"its position ({x}, {y}) is not a place")
         battery = world.low_battery_pct if report.battery_pct is None else report.battery_pct
         at = terrain.frame_at(x, y)
         sent = self._sent_as(report.command_id or "")
@@ -368,7 +368,7 @@ class LinkedFleet(ReportedFleet):
         )
 
     def _sent_as(self, on_wire: str) -> _SentCommand | None:
-        """Return the command of this session with that id on a link; None if there is none."""
+        """Return the command of this session with the given id on a link; None if there is none."""
         session, _, own_id = on_wire.partition(".")
         return self._sent.get(own_id) if session == self._session else None
 
@@ -388,9 +388,9 @@ class LinkedFleet(ReportedFleet):
         except Exception as error:
             return f"{type(error).__name__}: {error}"
 
-    def _fault(self, link: Link, what: str, error: Exception) -> None:
-        text = f"{what}: {type(error).__name__}: {error}"
-        self._say("alarm", link.name, text, f"fault {what}")
+    def _fault(self, link: Link, problem: str, error: Exception) -> None:
+        text = f"{problem}: {type(error).__name__}: {error}"
+        self._say("alarm", link.name, text, f"fault {problem}")
 
 
 def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
@@ -399,7 +399,7 @@ def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
     Raises ValueError if a link is given twice, if an asset is on two links, or if an asset is
     missing from the world.
     """
-    found: dict[str, Link] = {}
+    link_of: dict[str, Link] = {}
     names = [link.name for link in links]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise ValueError(f"{twice} is given twice: give each link once")
@@ -407,11 +407,11 @@ def _links_of_assets(links: Sequence[Link], world: World) -> dict[str, Link]:
         for name in sorted(link.agents):
             if name not in world.assets:
                 raise ValueError(
-                    f"{link.name} drives {name}, which is no asset of this world: "
+                    f"{link.name} drives {name}, which is not an asset of this world: "
                     "add it to the world file, or take it off the link"
                 )
-            if (other := found.setdefault(name, link)) is not link:
+            if (other := link_of.setdefault(name, link)) is not link:
                 raise ValueError(
                     f"{name} is on two links, {other.name} and {link.name}: take it off one of them"
                 )
-    return found
+    return link_of

@@ -40,23 +40,23 @@ _NAME: TypeAdapter[str] = TypeAdapter(Name)
 
 
 def with_robots(
-    world: World, found: Iterable[FoundRobot]
+    world: World, robots: Iterable[FoundRobot]
 ) -> tuple[Mapping[str, AssetSpec], tuple[str, ...]]:
-    """Return the robots in `found` that can become assets of `world`, and a line about each robot.
+    """Return the `robots` that can become assets of `world`, and a line about each of them.
 
     A robot gets the platform of its kind. Its post is the frame nearest to it, or the base if its
     position is unknown.
     """
     added: dict[str, AssetSpec] = {}
     lines: list[str] = []
-    for robot in found:
+    for robot in robots:
         name = robot.name
         if name in world.assets or name in world.cameras or name in added:
             continue
         try:
             _NAME.validate_python(name)
         except ValidationError:
-            lines.append(f"{name} cannot join: that is no name of an asset, such as Robot_T03")
+            lines.append(f"{name} cannot join: an asset needs a name such as Robot_T03")
             continue
         if robot.kind not in world.platforms:
             lines.append(f"{name} cannot join: this world has no platform for a {robot.kind}")
@@ -67,17 +67,17 @@ def with_robots(
 
 
 def world_of_robots(
-    base: World, present: Collection[str], found: Iterable[FoundRobot]
+    base: World, present: Collection[str], robots: Iterable[FoundRobot]
 ) -> tuple[World, tuple[str, ...]]:
     """Return `base` with only the discovered robots as assets, and a line about each new one.
 
-    The assets are those of `base` that are `present`, and the new ones in `found`. Raises
+    The assets are those of `base` that are `present`, and the new ones in `robots`. Raises
     ValueError if there is no robot, or if the world has no room for all of them.
     """
-    added, lines = with_robots(base, found)
+    added, lines = with_robots(base, robots)
     kept = {name: spec for name, spec in base.assets.items() if name in present}
     if not kept and not added:
-        raise ValueError("no robot was found: switch one on, and see its address and its name")
+        raise ValueError("no robot was found: switch one on, and check its address and its name")
     assets = {**kept, **added}
     aliases = _aliases(base, {*base.frames, *base.zones, *assets})
     world = base.model_copy(update={"assets": assets, "aliases": aliases})
@@ -91,7 +91,7 @@ def around_places(
 ) -> World:
     """Return a world with `places` as frames, and without walls, lanes, zones or cameras.
 
-    Platforms and limits are those of `base`. The perimeter encloses the places and the background.
+    It has the platforms and limits of `base`. The perimeter encloses the places and the background.
     Raises ValueError if the places do not make a valid world, for example without a `gate`.
     """
     corners = [frame.at for frame in places.values()]
@@ -138,17 +138,17 @@ def places_of(written: Iterable[str]) -> dict[str, Frame]:
             at[name], kinds[name] = (float(x), float(y)), kind[0] if kind else "post"
         except ValueError:
             raise ValueError(f"--place {word}: give NAME=X,Y or NAME=X,Y,KIND") from None
-    found: dict[str, Frame] = {}
+    frames: dict[str, Frame] = {}
     for name, point in at.items():
         gap = min((dist(point, other) for n, other in at.items() if n != name), default=1e9)
         frame = {"kind": kinds[name], "at": point, "radius_m": min(MOST_RADIUS_M, 0.49 * gap)}
         try:
-            found[name] = Frame.model_validate(frame)
+            frames[name] = Frame.model_validate(frame)
         except ValidationError as error:
             wrong = error.errors(include_url=False)[0]
             field = ".".join(map(str, wrong["loc"]))
             raise ValueError(f"--place {name}: {field}: {wrong['msg']}") from error
-    return found
+    return frames
 
 
 def _enclosing(corners: Iterable[Point]) -> tuple[Point, ...]:

@@ -69,7 +69,7 @@ class MessageWatch:
         return (len(times) - 1) / max(now_s - times[0], 1e-3)
 
     def last_s(self, name: str) -> float:
-        """Return the time of the last arrival of a message; long ago if there is none."""
+        """Return the time of the last arrival of a message; a time long ago if there is none."""
         times = self._heard.get(name)
         return times[-1] if times else -1e9
 
@@ -103,6 +103,6 @@ class Readiness:
 
 
 def readiness_finding(agent: str, why: str) -> LinkFinding:
-    """Return the finding about the readiness of an asset, which `why` keeps from starting."""
+    """Return the finding about an asset's readiness; `why` is the reason if it is not ready."""
     finding = LinkFinding(agent, "ready", f"no: {why}" if why else "yes")
-    return finding.unless(not why, "", "it starts nothing")
+    return finding.unless(not why, "", "it cannot start")

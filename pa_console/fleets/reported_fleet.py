@@ -45,14 +45,14 @@ class ReportedFleet:
         return self._reported.forecast()
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, at once."""
+        """Show `assets`, and no others, as under manual control from this station, at once."""
         self._reported.mark_manual(assets)
         self._show()
 
     def _show(self) -> None:
         """Rebuild the picture, and report the senders of messages that had to be left out."""
         for name in dict.fromkeys(self._reported.show(self._weather)):
-            text = "what it reports cannot be shown in any picture and is set aside"
+            text = "its reports cannot be shown in any picture and are set aside"
             self._say("alarm", name, text, "fault picture")
 
     def _take_sensor(self, stamp: int | None, seen: SensorReport, rate: float = 1.0) -> None:

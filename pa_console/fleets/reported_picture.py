@@ -51,7 +51,7 @@ sensor with many.
 """
 
 SIGMAS = 5.0
-"""The accepted error of a measurement, in standard deviations of its sensor's noise.
+"""The largest accepted error of a measurement, in standard deviations of its sensor's noise.
 
 A larger error occurs once in 200,000 measurements.
 """
@@ -71,7 +71,7 @@ class SetAside(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The position of a sensor and its range; noise and movement extend it by `doubt_m`."""
+    """The position of a sensor and its range, which noise and movement extend by `doubt_m`."""
 
     at: Point
     range_m: float
@@ -98,14 +98,14 @@ class Reach(NamedTuple):
 
 
 def within_share(
-    files: dict[str, TrackFile], sensor: str, found: Sequence[Detection]
+    files: dict[str, TrackFile], sensor: str, detections: Sequence[Detection]
 ) -> tuple[list[Detection], list[SetAside]]:
     """Return the accepted detections of `sensor`, and a notice for each limit that was reached.
 
-    Contacts with tracks are accepted first. If there are already MOST_TRACKS, a new contact
-    replaces a track of a sensor that reports more, which is removed from `files`.
+    Contacts that already have tracks are accepted first. If there are MOST_TRACKS tracks, a new
+    contact replaces a track of a sensor that reports more; that track is removed from `files`.
     """
-    ordered = sorted(found, key=lambda detection: detection.contact not in files)
+    ordered = sorted(detections, key=lambda detection: detection.contact not in files)
     own = frozenset((sensor,))
     alone = sum(_sensors(file) == own for file in files.values())
     taken: list[Detection] = []
@@ -126,20 +126,22 @@ def within_share(
             new.add(detection.contact)
         taken.append(detection)
     aside = [
-        SetAside(other, f"reports so much that {count(number, 'track')} of it gave way", "gave way")
+        SetAside(other, f"reports so much that it lost {count(number, 'track')}", "gave way")
         for other, number in gave_way.items()
     ]
-    if len(taken) < len(found):
-        text = f"reports {len(found)} contacts: {len(taken)} are taken, the rest is set aside"
+    if len(taken) < len(detections):
+        text = (
+            f"reports {len(detections)} contacts: {len(taken)} are accepted, the rest is set aside"
+        )
         aside.append(SetAside(sensor, text, "many contacts"))
     return taken, aside
 
 
 def _make_room(files: dict[str, TrackFile], sensor: str, alone: int) -> str | None:
-    """Remove the newest track of the sensors with most tracks; return one of these sensors.
+    """Remove the newest track of the sensors with the most tracks; return one of these sensors.
 
-    Every sensor of the removed track has more tracks than `sensor`, which has `alone` of its own.
-    Returns None, without removing anything, if there is no such track.
+    Every sensor of the removed track has more tracks than `sensor`, which alone detects `alone`
+    tracks. Returns None, without removing anything, if there is no such track.
     """
     load = Counter(name for file in files.values() for name in _sensors(file))
     least = {
@@ -160,9 +162,9 @@ def _sensors(file: TrackFile) -> frozenset[str]:
 class ReportedPicture:
     """The picture of a fleet, built from reports and detections.
 
-    Each is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the station's
-    clock. No message can prevent a picture: a message that causes an error is left out, and `show`
-    returns its sender.
+    Each of them is dated by the tick at which it was sent. Ticks are steps of `world.dt_s` on the
+    station's clock. No message can prevent a picture: a message that causes an error is left out,
+    and `show` returns its sender.
     """
 
     def __init__(self, world: World) -> None:
@@ -206,11 +208,11 @@ class ReportedPicture:
         self._keep()
         self.show()
 
-    def report(self, name: str, stamp: int, said: AssetTelemetry) -> None:
+    def report(self, name: str, stamp: int, telemetry: AssetTelemetry) -> None:
         """Process the report of asset `name` from tick `stamp`, unless a newer one is known."""
-        self._take(name, partial(self._report, name, stamp, said, self._lag_s))
+        self._take(name, partial(self._report, name, stamp, telemetry, self._lag_s))
 
-    def _report(self, name: str, stamp: int, said: AssetTelemetry, lag_s: float) -> None:
+    def _report(self, name: str, stamp: int, telemetry: AssetTelemetry, lag_s: float) -> None:
         scene = self._scene
         heard = scene.station.heard[name]
         if stamp <= heard.stamp:
@@ -218,14 +220,14 @@ class ReportedPicture:
         held_up_s = max(0.0, lag_s - self._lags.get(name, lag_s))
         self._lags[name] = lag_s
         asset = scene.assets[name]
-        asset.x, asset.y = said.position
-        asset.battery, asset.failed = said.battery_pct, said.status == "failed"
+        asset.x, asset.y = telemetry.position
+        asset.battery, asset.failed = telemetry.battery_pct, telemetry.status == "failed"
         if heard.stamp <= self._never:
             scene.station.heard[name] = Heard(
-                SelfReport.of(said), stamp, station_side.marks_of("ok")
+                SelfReport.of(telemetry), stamp, station_side.marks_of("ok")
             )
             return
-        report = Report(name, stamp, SelfReport.of(said), held_up_s=held_up_s)
+        report = Report(name, stamp, SelfReport.of(telemetry), held_up_s=held_up_s)
         station_side.receive(self.terrain, scene, (report,))
 
     def break_link(self, name: str) -> None:
@@ -259,7 +261,7 @@ class ReportedPicture:
             if heard.trust.suspect:
                 return ()
             if heard.stamp <= self._never:
-                text = "reports contacts but not where it is: set aside"
+                text = "reports contacts but not its own position: set aside"
                 return (SetAside(sensor, text, "no place"),) if seen.contacts else ()
             reach = Reach.of_asset(world, sensor, heard, stamp)
             self._watched[sensor] = max(stamp, self._watched.get(sensor, stamp))
@@ -290,8 +292,8 @@ class ReportedPicture:
         """Advance to `tick`, which is `lag_s` seconds behind the real time of the session.
 
         A station that was delayed does not catch up, but its assets have moved in the meantime.
-        Therefore, the distance that an asset can have covered since its last report includes the
-        time that the station's clock has lost.
+        Therefore, the time that the station's clock has lost counts when the picture decides how
+        far an asset can have moved since its last report.
         """
         self._scene.tick, self._lag_s = tick, lag_s
 
@@ -387,7 +389,7 @@ class ReportedPicture:
             self._not_ready.pop(name, None)
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, in the next picture."""
+        """Show `assets`, and no others, as under manual control in the next picture."""
         self._manual = assets
         for scene in (self._scene, self._good[0]):
             scene.station.manual = assets

@@ -15,7 +15,7 @@ from pa_console.schema.events.event import IncidentHappened, Level, Noticed
 from pa_console.schema.telemetry import AssetStatus, Identity, Intent, Task
 
 AHEAD_S = 2.0
-"""The largest accepted time of a report in the future, in seconds; beyond it, a clock is wrong."""
+"""The largest accepted lead of a report's time, in seconds; beyond it, a clock is wrong."""
 
 BEHIND_S = 10.0
 """The largest accepted age of detections, in real seconds; tracks show current detections."""
@@ -120,7 +120,7 @@ class Notices:
 
 
 class Belief:
-    """The checks that decide whether a report is accepted; each refused one causes a notice."""
+    """The checks that decide whether a report is accepted; each refused report causes a notice."""
 
     def __init__(self, dt_s: float, say: Callable[[Level, str, str, str], None]) -> None:
         """Count ticks of `dt_s` seconds; pass notices to `say` (level, subject, text, kind)."""
@@ -131,7 +131,7 @@ class Belief:
     def tick_of(
         self, sent: datetime, arrived: datetime, now: datetime, tick: int, rate: float = 1.0
     ) -> int | None:
-        """Return the tick of `sent` on a station's clock that is at `tick`.
+        """Return the tick at the time `sent`, on a station's clock that is at `tick` now.
 
         Returns None if `sent` is in the future. `rate` is the number of seconds that pass on the
         robots' clock in one real second.
@@ -143,14 +143,12 @@ class Belief:
 
     def ahead(self, name: str) -> None:
         """Emit a notice that the clock of `name` is ahead."""
-        self._say(
-            "alarm", name, "its clock is ahead of ours: what it reports is not believed", "ahead"
-        )
+        self._say("alarm", name, "its clock is ahead of ours: its reports are ignored", "ahead")
 
     def is_latest(self, name: str, sent: datetime) -> bool:
         """Return whether a report is not older than the last one of asset `name`, and record it."""
         if (latest := self._latest.get(name)) is not None and sent < latest:
-            text = "its state is older than the one before: not believed"
+            text = "its report is older than the one before: ignored"
             self._say("warning", name, text, "old")
             return False
         self._latest[name] = sent

@@ -21,7 +21,7 @@ Authorize = Callable[[DeviceCommand], str | None]
 """A function that returns the token for a command; None if it gets no token."""
 
 Verify = Callable[[str | None, DeviceCommand], str]
-"""A function that returns why a vehicle refuses a command with that token; '' if it accepts it."""
+"""A function that returns why a vehicle refuses a command with its token; '' if it accepts it."""
 
 
 @dataclass(eq=False)
@@ -93,11 +93,11 @@ class SimulatedFleet:
         )
 
     def mark_manual(self, assets: frozenset[str]) -> None:
-        """Show exactly `assets` as under manual control from this station, at once."""
+        """Show `assets`, and no others, as under manual control from this station, at once."""
         self.checkpoint.mark_manual(assets)
 
     def still(self, camera: str, track: str) -> Callable[[], bytes] | None:
-        """Return a function that draws `track` as `camera` sees it now; None for no image."""
+        """Return a function that draws `track` as `camera` sees it now; None without an image."""
         return self.checkpoint.still(camera, track)
 
     def forecast(self) -> Forecast:
@@ -134,7 +134,7 @@ class ShownPicture:
     def picture(self) -> Picture:
         """Return the picture; raises ValueError if there is none yet."""
         if self._picture is None:
-            raise ValueError("no picture has been told yet")
+            raise ValueError("there is no picture yet")
         return self._picture
 
     def forecast(self) -> Checkpoint:
@@ -143,7 +143,7 @@ class ShownPicture:
 
 
 class ForeseenFleet(ShownPicture):
-    """The fleet in `picture`, with which a rehearsal ended; it commands no device."""
+    """The fleet in `picture`, the last picture of a rehearsal; it commands no device."""
 
     def __init__(self, world: World, picture: Picture) -> None:
         super().__init__(world)
@@ -161,7 +161,7 @@ class ForeseenFleet(ShownPicture):
 
     def send(self, command: DeviceCommand) -> None:
         """Raise RuntimeError, because there is no device."""
-        raise RuntimeError(f"{command.command_id} is for a fleet that is only foreseen")
+        raise RuntimeError(f"{command.command_id} is for a fleet that is only a forecast")
 
     def mark_manual(self, assets: frozenset[str]) -> None:
         """Do nothing; the picture is fixed, including the assets marked as under manual control."""

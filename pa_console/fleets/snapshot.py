@@ -25,7 +25,7 @@ MOST_SIDE = 800
 _STREAMING = {
     "rtsp_transport": "tcp", "protocol_whitelist": "rtsp,rtp,tcp,udp", "analyzeduration": "1000000",
 }  # fmt: skip
-"""The options of FFmpeg for a stream: the transport, the protocols, the analysis in µs."""
+"""The options of FFmpeg for a stream: transport, protocols, and the time to analyse it in µs."""
 
 
 class SnapshotError(Exception):
@@ -67,7 +67,7 @@ def _frame_of(url: str, limit_s: float) -> bytes:
                         return _encoded(frame.to_image())
     except (av.FFmpegError, IndexError, OSError, ValueError) as error:
         raise SnapshotError(f"streams no video ({type(error).__name__})") from None
-    raise SnapshotError("streams no image that can be read")
+    raise SnapshotError("streams no readable image")
 
 
 def _load(url: str) -> ssl.SSLContext | bool:
@@ -118,7 +118,7 @@ def safe_image(content: bytes) -> bytes:
             image.draft("RGB", (MOST_SIDE, MOST_SIDE))
             return _encoded(image)
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise SnapshotError("sends no image that can be read (JPEG or PNG)") from error
+        raise SnapshotError("sends no readable image (JPEG or PNG)") from error
 
 
 def _encoded(image: "Image") -> bytes:

@@ -1,4 +1,4 @@
-"""The use of a station's keys: it signs people's approvals and the commands that it sends."""
+"""The signing of approvals and commands with the keys of a station and of the person at it."""
 
 import hashlib
 from collections import OrderedDict
@@ -51,7 +51,7 @@ class Keys:
 
 
 class StationAuthority:
-    """The signer for a station and the person at it, within the rights in the site's roster.
+    """The signer for a station and the person at it, within their rights in the site's roster.
 
     A fleet calls `authorize` for the token of a command. `take` receives another station's
     takeover; after it, this station signs no commands.
@@ -74,7 +74,7 @@ class StationAuthority:
         problems = [why for message in keys.messages if (why := self._signed.hear(message))]
         if not self.trust.roster.serial:
             why = "; ".join(problems) or "there is none"
-            raise ValueError(f"the roster of this site does not hold: {why}")
+            raise ValueError(f"the roster of this site is not valid: {why}")
         self._commanded = set(commanded)
         self._plan: tuple[frozenset[str], Grounds] | None = None
         self._sent: OrderedDict[str, Grounds] = OrderedDict()
@@ -109,8 +109,8 @@ class StationAuthority:
     def take_command(self, commander: str, key: Ed25519PrivateKey) -> None:
         """Put this station in command, signed with the `key` of `commander`.
 
-        The takeover is then in `newest`; its receivers no longer accept another station. Raises
-        ValueError, and changes nothing, if the takeover is not valid.
+        The takeover is then in `newest`; its receivers no longer accept commands from another
+        station. Raises ValueError, and changes nothing, if the takeover is not valid.
         """
         if not self.name:
             raise ValueError("this station is not in the roster: the owner of the site enrols it")
@@ -136,12 +136,12 @@ class StationAuthority:
         return ""
 
     def objection(self, rules: Rulebook) -> str:
-        """Return why vehicles would refuse plans checked by `rules`; '' if they accept them."""
+        """Return why vehicles would refuse plans checked against `rules`; '' if they would not."""
         if rules.seal.content_sha256 in self.trust.roster.rules:
             return ""
         return (
-            f"no vehicle takes a plan that was checked by the rules {rules.name!r}: they are not "
-            "enrolled; pa-console keys enrol rules FILE does that"
+            f"no vehicle accepts a plan that was checked against the rules {rules.name!r}: enrol "
+            "them with pa-console keys enrol rules FILE"
         )
 
     def objection_to(self, request_id: str, person: str, signature: str) -> str:
@@ -271,7 +271,7 @@ class StationAuthority:
 def approval_of(
     request: ApprovalRequested, *, person: str, station: str, session: str, rules: str
 ) -> Approval:
-    """Return the approval by `person` of a `request` from the station with that public key.
+    """Return the approval by `person` of a `request` from the station with the given public key.
 
     `rules` is the SHA-256 of the rule set against which the plan was checked.
     """
@@ -291,7 +291,7 @@ def approval_of(
 
 
 def _difference(wanted: Approval, approval: Mapping[str, Any]) -> str:
-    """Return the part in which a signed `approval` differs from `wanted`, in words; or ''."""
+    """Return how a signed `approval` differs from `wanted`, in words; '' if it does not."""
     for part in ("station", "session", "request", "plan", "rules"):
         if approval[part] != getattr(wanted, part):
             return f"{approval['person']} has signed another {part}"
@@ -333,7 +333,7 @@ class Vehicles:
         return next(filter(None, refusals), "")
 
     def verify(self, token: str | None, command: DeviceCommand) -> str:
-        """Return why the command's agent refuses it with that token; '' if it accepts it."""
+        """Return why the command's agent refuses it with the given token; '' if it accepts it."""
         return self._verifiers[command.agent].verify(token, command)
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 from pa_console.fleets.link import Link, LinkNews, LinkNotice
 
 MOST_NEWS = 20_000
-"""The largest number of waiting news; beyond it, the oldest are dropped."""
+"""The largest number of waiting news items; beyond it, the oldest are dropped."""
 
 PATIENCE_S = 10.0
 """The longest wait for a connection when a link is opened, in seconds."""
@@ -30,7 +30,7 @@ class ThreadedLink:
         return [self._news.popleft() for _ in range(len(self._news))]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for news, for `seconds` at most; return whether there is any."""
+        """Wait at most `seconds` for news; return whether any has arrived."""
         return self._arrived.wait(seconds)
 
     def _tell(self, news: LinkNews) -> None:

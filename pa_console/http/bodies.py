@@ -44,7 +44,7 @@ class ActionBody(RequestBody):
     command: Annotated[str, Field(max_length=160)]
     after: Annotated[
         list[int],
-        Field(max_length=MAX_ACTIONS, description="numbers of the actions it comes after, from 1"),
+        Field(max_length=MAX_ACTIONS, description="numbers of the actions before it, from 1"),
     ] = []
     stay_s: Annotated[float, Field(ge=0.0, le=MAX_STAY_S)] = 0.0
 
@@ -66,13 +66,13 @@ class DecisionBody(RequestBody):
     ] = ()
     actions: Annotated[
         tuple[ActionBody, ...] | None,
-        Field(max_length=MAX_ACTIONS, description="another plan, for modify"),
+        Field(max_length=MAX_ACTIONS, description="the changed plan, for modify"),
     ] = None
     asked: Annotated[
         str,
         Field(
             max_length=MAX_MISSION_TEXT,
-            description="the offered reading, for choose; the words, for answer",
+            description="for choose, an offered reading; for answer, the words of the answer",
         ),
     ] = ""
 
@@ -80,7 +80,7 @@ class DecisionBody(RequestBody):
 class SignatureBody(RequestBody):
     """A second person's signature on the waiting plan."""
 
-    person: Annotated[str, Field(min_length=1, max_length=64, description="whose signature it is")]
+    person: Annotated[str, Field(min_length=1, max_length=64, description="the person who signed")]
     signed: Annotated[
         str,
         Field(
@@ -95,21 +95,19 @@ class ToSignView(BaseModel):
     """The text that a second person signs to approve the waiting plan."""
 
     person: str
-    station: Annotated[str, Field(description="whose session it is")]
+    station: Annotated[str, Field(description="the station whose plan waits")]
     request_id: str
-    shown_sha256: Annotated[Sha256, Field(description="that of the plan in /v1/plans")]
+    shown_sha256: Annotated[Sha256, Field(description="the SHA-256 of the plan, as in /v1/plans")]
     orders: Annotated[
-        tuple[str, ...], Field(description="what is approved: the plan and its way to safety")
+        tuple[str, ...], Field(description="the approved commands: the plan and its way to safety")
     ]
     acts: Annotated[
         tuple[str, ...],
-        Field(description="what is approved besides: to override the judge, to accept a finding"),
+        Field(description="further approved acts: to override the judge, to accept a finding"),
     ]
-    ends: Annotated[float, Field(description="when it expires, in seconds since 1970")]
-    to_sign: Annotated[
-        str, Field(description="the very bytes (ASCII) that are signed with Ed25519")
-    ]
-    sha256: Annotated[Sha256, Field(description="that of `to_sign`")]
+    ends: Annotated[float, Field(description="the end of its validity, in seconds since 1970")]
+    to_sign: Annotated[str, Field(description="the exact bytes (ASCII) to sign with Ed25519")]
+    sha256: Annotated[Sha256, Field(description="the SHA-256 of `to_sign`")]
 
 
 class DecisionView(BaseModel):

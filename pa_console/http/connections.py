@@ -1,4 +1,4 @@
-"""The port of a service: idle connections are closed, and their number is limited.
+"""The port of a service, with a limit of connections; idle connections are closed.
 
 Every program on this machine can connect, even without a token. If there are too many connections,
 those without a token are closed first and those of observers next. An operator always gets in.
@@ -23,11 +23,11 @@ IDLE_S = 10.0
 ACCEPTED, QUEUED = 8, 1024
 """The connections accepted in one turn of the event loop, and the length of the kernel's queue.
 
-A request is read some turns after its connection is accepted. Until then, MOST further connections
-would close it unread, so fewer are accepted.
+A request is read some turns after its connection is accepted. If MOST further connections were
+accepted in the meantime, they would close it unread, so fewer are accepted.
 """
 KEEP_S, END_S = 5, 3
-"""The seconds that an idle connection is kept open, and those that a request has at shutdown."""
+"""The time that an idle connection is kept open, and that a request has at shutdown, in seconds."""
 EXHAUSTED = frozenset((errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM))
 
 
@@ -112,7 +112,7 @@ class Listening(socket.socket):
             connection.quiet_since = loop.time()
 
     def _make_room(self) -> bool:
-        """Make room for one more connection; return False if no other may be ended."""
+        """Make room for one more connection; return False if none may be ended."""
         self._open = {where: one for where, one in self._open.items() if not one.closed}
         if len(self._open) < MOST:
             return True
@@ -160,7 +160,7 @@ def listen(port: int) -> Listening:
     except OSError as error:
         why = error.strerror or error
         raise ValueError(
-            f"--port {port}: {ADDRESS} cannot be listened on there: {why}; choose another port"
+            f"--port {port}: cannot listen on {ADDRESS}: {why}; choose another port"
         ) from error
 
 

@@ -43,12 +43,12 @@ HEADERS = (
 class ProblemDetails(BaseModel):
     """The reason why a request was refused."""
 
-    type: Annotated[str, Field(description="a name of the kind of problem, urn:pa-console:...")]
+    type: Annotated[str, Field(description="the kind of problem, urn:pa-console:...")]
     title: str
     status: int
     detail: str
-    field: Annotated[str, Field(description="what of the request is wrong; '' for all of it")] = ""
-    remedy: Annotated[str, Field(description="what to do about it")] = ""
+    field: Annotated[str, Field(description="the wrong part of the request; '' for all of it")] = ""
+    remedy: Annotated[str, Field(description="the remedy")] = ""
 
 
 class ProblemError(Exception):
@@ -94,13 +94,13 @@ def internal_error() -> ProblemError:
     return ProblemError(
         500,
         "internal-error",
-        "the program has a defect; nothing was carried out by this request, as far as is known",
+        "the program has a defect; as far as is known, this request has changed nothing",
         remedy="look at /v1/state before you go on; STOP works as before",
     )
 
 
 class RequestRate:
-    """A limit of requests: each name may make `burst` at once, and `per_s` a second after that."""
+    """A limit of requests: each name may make `burst` at once, and then `per_s` each second."""
 
     def __init__(self, per_s: float, burst: int, clock: Callable[[], float] = monotonic) -> None:
         self._per_s, self._burst, self._clock = per_s, burst, clock
@@ -164,7 +164,7 @@ class Guard:
                                remedy=f"ask {min(self._hosts)}")  # fmt: skip
         origins = [value.decode("latin-1").lower() for name, value in headers if name == b"origin"]
         if any(origin not in self._origins for origin in origins):
-            raise ProblemError(403, "wrong-origin", "a page of another site may ask nothing",
+            raise ProblemError(403, "wrong-origin", "a page of another site may not send requests",
                                field="Origin")  # fmt: skip
 
     async def _tell(
@@ -206,7 +206,7 @@ class _Body:
             async with asyncio.timeout_at(self._until):
                 message = await self._receive()
         except TimeoutError as error:
-            raise ProblemError(408, "too-slow", f"no whole body within {BODY_S:g} s") from error
+            raise ProblemError(408, "too-slow", f"no complete body within {BODY_S:g} s") from error
         if message["type"] == "http.request":
             self._left -= len(message.get("body", b""))
             self._whole = not message.get("more_body", False)

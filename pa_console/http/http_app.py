@@ -32,8 +32,8 @@ from pa_console.schema.events import event as ev
 from pa_console.views import session_views as views
 
 RATES = {"reads": (50.0, 200), "writes": (5.0, 20), "questions": (2.0, 10), "wrong": (2.0, 20)}
-"""The requests per second and at once: reads, writes and questions of each person, and wrong tokens
-of all callers together. A question may take rehearsals."""
+"""The limits of requests, per second and at once: reads, writes and questions of each person, and
+wrong tokens of all callers together. A question may need rehearsals."""
 MOST_READERS = 8
 """The most event streams that one person may have open."""
 ABOUT = """\
@@ -41,19 +41,19 @@ The running session of PA Console, for programs of this machine.
 
 Every call needs a bearer token. An observer reads and asks; an operator also gives missions,
 decides, stops.
-What is given here goes through the same checks, the same gate and the same signed log as in the
-console. Nothing is ever approved by itself: a decision names the plan that was shown, and is made
-in the name of the person whose token it is. Errors are problem details (RFC 9457).
+A mission from here goes through the same checks, the same gate and the same signed log as one from
+the console. Nothing is approved automatically: a decision names the plan that was shown, and is
+made in the name of the person who owns the token. Errors are problem details (RFC 9457).
 """
 _bearer = HTTPBearer(auto_error=False, description="made by pa-console serve --make-token ROLE")
 _PROBLEMS: dict[int | str, dict[str, Any]] = {
     code: {"model": ProblemDetails, "description": about}
     for code, about in {
-        401: "no token, or one that is not known",
+        401: "the token is missing or unknown",
         403: "the person may not do this",
-        409: "not in the state in which the session is",
-        422: "a field is not what it should be",
-        429: "too often",
+        409: "not possible in the current state of the session",
+        422: "a field is not valid",
+        429: "too many requests",
     }.items()
 }
 
@@ -62,7 +62,7 @@ Given = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
 class _Doors:
-    """The admission of requests by their tokens, within the limits of rate."""
+    """The admission of requests by their tokens, within the limits of their rate."""
 
     def __init__(self, tokens: TokenBook) -> None:
         self._tokens = tokens
@@ -200,7 +200,7 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
         who: Watching,
         request_id: Annotated[str, Path()],
         person: Annotated[
-            str | None, Query(description="who is to sign; by default whose token it is")
+            str | None, Query(description="the person who signs; by default, the token's")
         ] = None,
     ) -> bodies.ToSignView:
         """Return exactly what a second person signs, if the rules require two people for the plan.
@@ -214,10 +214,10 @@ def _add_reads(app: FastAPI, session: ServedSession) -> None:
     async def ask(_: Asking, body: bodies.QuestionBody) -> ev.QuestionAnswered:
         """Answer a question such as *Why?* or *Why not Robot_T02?* from the record.
 
-        The answer is about the waiting plan, otherwise about the active or last mission. No model
-        is asked, and nothing is decided. The answer is logged.
+        The answer is about the waiting plan or, if no plan waits, the active or last mission. No
+        model is asked, and nothing is decided. The answer is logged.
 
-        Any other text is refused, and no mission is made of it.
+        Any other text is refused and does not become a mission.
         """
         return await session.answer(body.text)
 
@@ -268,7 +268,7 @@ def _add_events(app: FastAPI, session: ServedSession) -> None:
             list[str] | None, Query(description="only these kinds, such as mission_finished")
         ] = None,
         last_event_id: Annotated[
-            str | None, Header(description="go on after this event: SESSION.NUMBER")
+            str | None, Header(description="continue after this event: SESSION.NUMBER")
         ] = None,
     ) -> StreamingResponse:
         """Stream the logged events of the session as server-sent events.
@@ -313,8 +313,8 @@ def _add_commands(app: FastAPI, session: ServedSession) -> None:
     ) -> bodies.DecisionView:
         """Accept a second person's signature on the waiting plan.
 
-        It counts once, for this plan only, and for the person whose key made it, whoever submits
-        it. `accepted` is false while an approval is missing; `detail` names the person.
+        It counts once, for this plan only, and for the person whose key made it, no matter who
+        submits it. `accepted` is false while an approval is missing; `detail` names the person.
         """
         return await session.countersign(request_id, body)
 
@@ -384,7 +384,7 @@ def _add_problems(app: FastAPI, failed: Callable[[Exception], None]) -> None:
         place = [str(part) for part in first["loc"] if part not in ("body", "query", "path")]
         return ProblemError(
             422, "not-valid", str(first["msg"]).removeprefix("Value error, "),
-            field=".".join(place), remedy="/docs has the fields of every request",
+            field=".".join(place), remedy="/docs lists the fields of every request",
         ).response()  # fmt: skip
 
     @app.exception_handler(HTTPException)
@@ -396,11 +396,11 @@ def _add_problems(app: FastAPI, failed: Callable[[Exception], None]) -> None:
         if refused.status_code == 400:
             return ProblemError(
                 422, "not-valid", "the body cannot be read", field="body",
-                remedy="send JSON in UTF-8; /docs has its fields",
+                remedy="send JSON in UTF-8; /docs lists its fields",
             ).response()  # fmt: skip
         kind = {404: "no-such-path", 405: "no-such-method"}.get(refused.status_code, "refused")
         return ProblemError(
-            refused.status_code, kind, str(refused.detail), remedy="/docs lists what there is"
+            refused.status_code, kind, str(refused.detail), remedy="/docs lists every path"
         ).response()
 
     @app.exception_handler(Exception)
@@ -416,17 +416,17 @@ def _number(session: ServedSession, last: str | None) -> int:
     started = session.state.started
     name, _, number = last.rpartition(".")
     if not number.isdecimal() or len(number) > 12:
-        raise ProblemError(422, "not-valid", f"{last!r} is no id of an event",
+        raise ProblemError(422, "not-valid", f"{last!r} is not the id of an event",
                            field="Last-Event-ID", remedy="leave it out")  # fmt: skip
     if started is None or name != started.session:
         raise ProblemError(410, "another-session", f"the session {name!r} is not this one",
-                           field="Last-Event-ID", remedy="begin anew: leave it out")  # fmt: skip
+                           field="Last-Event-ID", remedy="leave it out to begin anew")  # fmt: skip
     return int(number)
 
 
 @dataclass(frozen=True)
 class _StreamReader:
-    """The reader of an event stream, its kinds of events, none for all, and its right to read."""
+    """The reader of an event stream; empty `kinds` mean all, `let_in` returns its right to read."""
 
     person: str
     kinds: frozenset[str]

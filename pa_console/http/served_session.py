@@ -50,7 +50,7 @@ SILENT_S = 15.0
 """The silence after which a reader gets a sign of life from the session, in seconds."""
 ANSWERED_S = 10.0
 """The longest wait for the result of a decision, in seconds."""
-SEE_PLANS = "read /v1/plans and decide about what waits there now"
+SEE_PLANS = "read /v1/plans and decide on the plan that waits now"
 
 
 class NumberedEvent(NamedTuple):
@@ -67,7 +67,7 @@ class EventFeed:
     """
 
     def __init__(self, log: Callable[[], Path | None], number: int = 0) -> None:
-        """Continue after `number` events; `log` returns the path of their log, None for none."""
+        """Continue after `number` events; `log` returns the path of their log, if any."""
         self._log, self.number = log, number
         self._last: deque[Event] = deque(maxlen=KEPT)
         self._changed = asyncio.Event()
@@ -179,7 +179,7 @@ class ServedSession:
 
     @property
     def waiting(self) -> tuple[MissionTrace, ev.ApprovalRequested] | None:
-        """The mission and the request of the plan that waits for a decision; None for none."""
+        """The mission and the request of the plan that waits for a decision; None if none waits."""
         trace = self.state.current
         return (trace, trace.approval) if trace is not None and trace.approval else None
 
@@ -212,7 +212,7 @@ class ServedSession:
                                remedy="GET /v1/state lists them")  # fmt: skip
         still = await self.station.still_of(track)
         if still is None or still.problem:
-            why = "no camera has it in sight" if still is None else still.problem
+            why = "no camera has it in view" if still is None else still.problem
             raise ProblemError(409, "no-picture", why, field="id")
         return still
 
@@ -253,7 +253,7 @@ class ServedSession:
             raise ProblemError(
                 403, "not-the-signer",
                 f"approvals are signed here with the key of {signer}, not of {bearer.person}",
-                remedy=f"let {signer} approve, or sign with your own key where a plan takes two: "
+                remedy=f"let {signer} approve, or sign with your own key if a plan needs two: "
                 "POST /v1/plans/ID/signatures",
             )  # fmt: skip
         decision = Decision(
@@ -286,7 +286,7 @@ class ServedSession:
     async def countersign(self, request_id: str, body: SignatureBody) -> DecisionView:
         """Accept a second person's signature on the waiting plan of `request_id`.
 
-        It counts for the person whose key made it, whoever submits it.
+        It counts for the person whose key made it, no matter who submits it.
         """
         trace, request = self._waits(request_id)
         given = PlanCountersignature(request.request_id, body.person, body.signed)
@@ -318,22 +318,22 @@ class ServedSession:
         both = Decision(kind="approve", signatures={**before, person: given.signature})
         if person in before or person not in authority.valid(request, both, rules):
             raise ProblemError(
-                409, "signed-already", f"this plan has the signature with the key of {person}",
-                field="person", remedy="let somebody else sign",
+                409, "signed-already", f"this plan is already signed with the key of {person}",
+                field="person", remedy="let another person sign",
             )  # fmt: skip
 
     def _keys_for(self, request: ev.ApprovalRequested) -> StationAuthority:
         """Return the station's keys; raises ProblemError unless `request` needs a second person."""
         if self._authority is None:
             raise ProblemError(
-                409, "no-keys", "this site has no keys, so nobody can be the second person",
+                409, "no-keys", "this site has no keys, so no second person can sign",
                 remedy="pa-console keys make",
             )  # fmt: skip
         if request.blocked_by:
             raise ProblemError(409, "not-admissible", "; ".join(request.blocked_by))
         if not request.approvals:
             raise ProblemError(
-                409, "one-is-enough", f"one person is enough, who is {self._authority.person}",
+                409, "one-is-enough", f"the approval of {self._authority.person} is enough",
                 remedy="POST /v1/decisions",
             )  # fmt: skip
         return self._authority
@@ -346,7 +346,7 @@ class ServedSession:
         await asyncio.wait((waits,), timeout=ANSWERED_S)
         self._asked.pop(asked, None)
         if not waits.done() or waits.cancelled():
-            detail = "the decision was given, and nothing was heard of it; see /v1/events"
+            detail = "the decision was sent, but has no result yet; see /v1/events"
             return DecisionView(accepted=False, detail=detail, by=by)
         made = waits.result()
         return DecisionView(accepted=made.accepted, detail=made.detail, by=made.decision.by)
@@ -414,7 +414,7 @@ class ServedSession:
         return request
 
     def _waits(self, request_id: str) -> tuple[MissionTrace, ev.ApprovalRequested]:
-        """Return the mission and the request that waits; raises ProblemError for another id."""
+        """Return the waiting request and its mission; raises ProblemError if it has another id."""
         waiting = self.waiting
         if waiting is None:
             raise ProblemError(409, "no-plan-waits", "no plan waits for a decision",
@@ -422,7 +422,7 @@ class ServedSession:
         if (there := waiting[1].request_id) != request_id:
             raise ProblemError(
                 409, "stale-plan",
-                f"the plan {request_id!r} does not wait any more; {there!r} does",
+                f"the plan {request_id!r} no longer waits; {there!r} does",
                 field="request_id", remedy=SEE_PLANS,
             )  # fmt: skip
         return waiting
@@ -442,7 +442,7 @@ def _plan(body: DecisionBody) -> Plan | None:
         first = error.errors(include_url=False)[0]
         raise ProblemError(
             422, "not-valid", first["msg"].removeprefix("Value error, "), field="actions",
-            remedy="the page on missions lists the commands",
+            remedy="the manual page on missions lists the commands",
         ) from error  # fmt: skip
 
 

@@ -23,7 +23,7 @@ TokenRole = Literal["observer", "proposer", "operator", "commander"]
 TOKEN_ROLES: tuple[TokenRole, ...] = ("observer", "proposer", "operator", "commander")
 
 RoleOf = Callable[[str], Role]
-"""A function that returns a person's role in the site's roster; raises RefusedError without one."""
+"""A function that returns a person's role in the roster; raises RefusedError if there is none."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class TokenBook:
         ValueError for an invalid name, and if the roster does not admit that person with that role.
         """
         if _NAME.fullmatch(person) is None:
-            raise ValueError(f"{person!r} is no name: letters, digits, - and _, at most 64")
+            raise ValueError(f"{person!r} is not a name: letters, digits, - and _, at most 64")
         try:
             limited = self._limited(Bearer(person, role))
         except RefusedError as error:
@@ -99,7 +99,7 @@ class TokenBook:
             return token
         self._read_changed()
         if len(self._kept) >= MOST_TOKENS:
-            raise ValueError(f"{self.path}: {MOST_TOKENS} tokens are enough; revoke some")
+            raise ValueError(f"{self.path}: {MOST_TOKENS} tokens are stored already; revoke some")
         made = datetime.now(UTC).isoformat(timespec="seconds")
         one = KeptToken(secrets.token_hex(4), person, role, _hash(token), made)
         self._write([*self._kept.values(), one])
@@ -121,9 +121,9 @@ class TokenBook:
         return list(self._kept.values())
 
     def _limited(self, bearer: Bearer) -> Bearer:
-        """Return the bearer with at most the role of the roster; raises RefusedError without one.
+        """Return the bearer with at most the role in the roster; raises RefusedError without one.
 
-        A program that proposes is not a person and is in no roster.
+        A program that proposes is not a person, so it is not in the roster.
         """
         if self._role_of is None or bearer.role == "proposer":
             return bearer
@@ -144,11 +144,11 @@ class TokenBook:
             listed = json.loads(read_private(self.path))
             kept = [KeptToken(**one) for one in listed]
             if any(one.role not in TOKEN_ROLES for one in kept):
-                raise ValueError("a role that there is not")
+                raise ValueError("it has an unknown role")
         except (TypeError, ValueError) as error:
             self._kept, self._seen = {}, None
             raise ValueError(
-                f"{self.path}: this is no list of tokens ({error}); move it away and make new ones"
+                f"{self.path}: not a list of tokens ({error}); move it away and make new ones"
             ) from error
         self._kept, self._seen = {one.sha256: one for one in kept}, seen
 

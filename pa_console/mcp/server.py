@@ -121,37 +121,37 @@ def _add_looking(server: MCPServer[Any], session: AgentsSession) -> None:
     @server.tool(annotations=LOOKS)
     async def describe_asset(name: str) -> AssetView:
         """Return the latest report of an asset, and the commands that it can carry out."""
-        with _told():
+        with _refusal_as_error():
             return session.describe_asset(name)
 
     @server.tool(annotations=LOOKS)
     async def rules(search: str = "", rule_id: str = "") -> FoundRules:
         """Return the rules in force: one by its id, the ten that match a search best, or all."""
-        with _told():
+        with _refusal_as_error():
             return session.rules(search, rule_id)
 
     @server.tool(annotations=LOOKS)
     async def ask(text: Words) -> ev.QuestionAnswered:
         """Ask about the record, such as *Why?* or *Why is the north gate uncovered?*."""
-        with _told():
+        with _refusal_as_error():
             return await session.ask(text)
 
     @server.tool(annotations=LOOKS)
     async def check_plan(actions: Actions, purpose: Purpose = "") -> ExaminedPlan:
         """Check a plan against every rule in the present picture; nothing is queued."""
-        with _told():
+        with _refusal_as_error():
             return await session.examine(actions, purpose, rehearsed=False)
 
     @server.tool(annotations=LOOKS)
     async def rehearse_plan(actions: Actions, purpose: Purpose = "") -> ExaminedPlan:
         """Check a plan and return its rehearsal, gate by gate; nothing is queued."""
-        with _told():
+        with _refusal_as_error():
             return await session.examine(actions, purpose, rehearsed=True)
 
     @server.tool(annotations=LOOKS)
     async def mission_status(mission_id: str) -> MissionDetail:
         """Return a mission with its plans, their findings, the decisions, and its outcome."""
-        with _told():
+        with _refusal_as_error():
             return session.status(mission_id)
 
 
@@ -174,7 +174,7 @@ def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable
 
         Name assets and places: your words are read without the earlier orders of others.
         """
-        with _told():
+        with _refusal_as_error():
             return session.propose(who(), _clear(session, text, meant))
 
     @server.tool(annotations=PROPOSES)
@@ -184,22 +184,22 @@ def _add_proposing(server: MCPServer[Any], session: AgentsSession, who: Callable
         reason: Annotated[str, Field(max_length=MAX_REASON // 2)] = "",
     ) -> MissionView:
         """Propose your own plan for a purpose; it is checked and judged, and a person decides."""
-        with _told():
+        with _refusal_as_error():
             return session.propose(who(), purpose, actions, reason)
 
     @server.tool(annotations=WITHDRAWS)
     async def withdraw(mission_id: str) -> str:
         """Withdraw a proposal of yours that has not been approved yet."""
-        with _told():
+        with _refusal_as_error():
             session.withdraw(who(), mission_id)
         return f"{mission_id} is withdrawn"
 
     @server.tool(annotations=STOPS)
     async def stop() -> str:
         """Stop every asset at once and end every mission; only a person releases the stop."""
-        with _told():
+        with _refusal_as_error():
             session.stop(who())
-        return "every asset was told to hold; mission_status and picture show what telemetry says"
+        return "every asset was sent a hold; mission_status and picture show what telemetry reports"
 
 
 def _clear(session: AgentsSession, text: str, meant: ElicitationResult[Meant]) -> str:
@@ -267,7 +267,7 @@ class _Updates:
 
 
 @contextmanager
-def _told() -> Generator[None]:
+def _refusal_as_error() -> Generator[None]:
     """Turn a refusal into an error for the agent; the library reports a defect as one."""
     try:
         yield
@@ -282,7 +282,7 @@ class AgentTokens:
         self._tokens = tokens
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """Return the access of an agent's token; None for an unknown token or a person's."""
+        """Return the access of an agent's token; None if it is unknown or belongs to a person."""
         try:
             bearer = self._tokens.find(token)
         except (RefusedError, ValueError, OSError):
@@ -342,11 +342,11 @@ async def bridge(url: str, token: str) -> None:
     async with (
         httpx2.AsyncClient(headers=headers, timeout=None) as client,
         streamable_http_client(url, http_client=client) as (answers, requests),
-        stdio_server() as (said, told),
+        stdio_server() as (incoming, outgoing),
         asyncio.TaskGroup() as group,
     ):
-        back = group.create_task(_carry(answers, told))
-        await _carry(said, requests)
+        back = group.create_task(_carry(answers, outgoing))
+        await _carry(incoming, requests)
         back.cancel()
 
 

@@ -31,13 +31,13 @@ CONNECT_S = 10.0
 STEADY_S = 30.0
 """The duration of a connection after which its loss resets the wait between tries, in seconds."""
 STUCK_S = 20.0
-"""The time without an accepted byte after which a connection is closed, in seconds."""
+"""The time after which a connection is closed if the server accepts no byte, in seconds."""
 QUIET_S = 15.0
 """The time without an event after which a ping is sent, in seconds."""
 FLUSH_S = 3.0
 """The longest time for sending the waiting events at the end, in seconds."""
 GOODBYE_S = 1.0
-"""The time in which the server can read the last bytes, in seconds."""
+"""The time that the server has to read the last bytes, in seconds."""
 READ_BYTES = 65_536
 BYTES_A_SECOND = 4_000_000
 """The most bytes a second that are read from a server, so that a flood cannot occupy a
@@ -60,14 +60,14 @@ class Certificate:
 
     @classmethod
     def of(cls, certificate: Path | None, key: Path | None, ca: Path | None) -> Self | None:
-        """Return the certificate, None without options; raise ValueError if one is missing."""
+        """Return the certificate, None without options; raise ValueError if one is incomplete."""
         if certificate is None and key is None and ca is None:
             return None
         if certificate is None or ca is None:
             missing = "--tls-cert" if certificate is None else "--tls-ca"
             raise ValueError(
-                f"{missing} is missing: TLS takes the client's certificate (--tls-cert) and that "
-                "of the authority which vouches for the server (--tls-ca)"
+                f"{missing} is missing: TLS needs the client's certificate (--tls-cert) and the "
+                "certificate of the authority that issued the server's (--tls-ca)"
             )
         credentials = cls(certificate, key or certificate, ca)
         for option, path in (
@@ -89,7 +89,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class TakServer:
-    """A TAK server that takes CoT as a stream of XML."""
+    """A TAK server that accepts CoT as a stream of XML."""
 
     host: str
     port: int
@@ -104,7 +104,7 @@ class TakServer:
         if parts.scheme == "tls" and certificate is None:
             raise ValueError(f"{text} needs --tls-cert and --tls-ca")
         if parts.scheme == "tcp" and certificate is not None:
-            raise ValueError(f"{text} is not encrypted, so --tls-cert is in vain; use tls://")
+            raise ValueError(f"{text} is not encrypted, so --tls-cert has no effect; use tls://")
         if ":" in host and certificate is None:
             raise ValueError(f"{text}: without TLS give the name of the host, or its IPv4 address")
         return cls(host, port, certificate)
@@ -117,7 +117,7 @@ class TakServer:
     @property
     def warning(self) -> str:
         """The warning about a server without encryption."""
-        return f"what goes to {self} can be read and altered on the way; use tls://"
+        return f"all data sent to {self} can be read and altered on the way; use tls://"
 
     def settings(self) -> dict[str, str]:
         """Return the server as settings of PyTAK, which needs `%` escaped."""
@@ -145,7 +145,7 @@ _OPEN = cast(Callable[[dict[str, str]], Awaitable[Opened]], client_functions.pro
 
 
 class Outbox:
-    """Events that wait to be sent, from any thread, with only the newest one for each thing.
+    """Events from any thread that wait to be sent, only the newest one for each thing.
 
     A full outbox drops the event that has waited longest, so that no caller has to wait.
     """
@@ -158,7 +158,7 @@ class Outbox:
         """The number of events that were dropped."""
 
     def put(self, events: Iterable[CotEvent]) -> None:
-        """Add `events` in this order; each replaces a waiting one of the same thing."""
+        """Add `events` in this order; each replaces a waiting event about the same thing."""
         with self._lock:
             for event in events:
                 self._waiting.pop(event.subject, None)
@@ -233,7 +233,7 @@ class TakConnection:
     def words(self) -> str:
         """The numbers of events that were sent, not sent and dropped, in words."""
         rest = ((len(self.outbox), "not sent"), (self.outbox.dropped, "dropped"))
-        more = "".join(f", {number} {what}" for number, what in rest if number)
+        more = "".join(f", {number} {state}" for number, state in rest if number)
         return f"{count(self.sent, 'event')} sent{more}"
 
     def send(self, events: Iterable[CotEvent]) -> None:
@@ -370,7 +370,7 @@ class TakConnection:
 
 
 class _ClosedError(Exception):
-    """An error that the session ended while a connection was being opened."""
+    """Raised if the session ends while a connection is being opened."""
 
 
 def _why(error: Exception) -> str:

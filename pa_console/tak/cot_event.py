@@ -26,7 +26,7 @@ How = Literal["m-g", "m-s"]
 """The source of a position: reported by the machine itself, or simulated."""
 BEGIN, END = b"<event", b"</event>"
 MOST_BYTES = 65_536
-"""The largest event that is read; the schema's own examples take a tenth of it."""
+"""The largest event that is read, in bytes; the schema's own examples have a tenth of them."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class EventStream:
 
     def feed(self, data: bytes) -> list[bytes]:
         """Return the events that end in `data`, each from `<event` to `</event>`."""
-        found: list[bytes] = []
+        events: list[bytes] = []
         searched = max(len(self._rest) - len(END) + 1, 0)
         self._rest += data
         begin = 0
@@ -128,13 +128,13 @@ class EventStream:
                 self.broken += not self._skipping
                 self._skipping = False
             elif (start := document.find(BEGIN)) >= 0:
-                found.append(document[start:])
+                events.append(document[start:])
         del self._rest[:begin]
         if len(self._rest) > self._most:
             self.broken += not self._skipping
             self._skipping = True
             del self._rest[: -len(END) + 1]
-        return found
+        return events
 
 
 _PARSE = cast(Callable[..., Element], ElementTree.fromstring)
@@ -209,7 +209,7 @@ class ReceivedEvent:
 def read_event(document: bytes) -> ReceivedEvent | None:
     """Return the event in `document`, or None if it is invalid.
 
-    A document type is refused, and with it every entity that would grow during reading.
+    A document type is refused, because its entities could grow without limit when they are read.
     """
     try:
         root = _PARSE(document, forbid_dtd=True)
@@ -245,14 +245,14 @@ def _event(root: Element) -> ReceivedEvent:
 def _uid(text: str) -> str:
     shown = visible_line(text)
     if len(shown) > MOST_UID:
-        raise ValueError("too long a uid")
+        raise ValueError("the uid is too long")
     return shown
 
 
 def _degrees(text: str, most: float) -> float:
     value = float(text)
     if not math.isfinite(value) or abs(value) > most:
-        raise ValueError(f"{text} is no angle")
+        raise ValueError(f"{text} is not an angle")
     return value
 
 

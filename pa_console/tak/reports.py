@@ -66,7 +66,7 @@ class _KnownContact:
         """Return True if the contact is new, or has changed and its last report is old enough."""
         if self.reported is None or self.reported_at is None:
             return True
-        # After a clock was set back, the difference is negative, and waiting could last forever.
+        # If the clock was set back, the difference is negative, and the wait could last forever.
         if timedelta() <= now - self.reported_at < REPORTED_EVERY:
             return False
         before, here = self.reported, self.contact
@@ -100,8 +100,8 @@ class ContactBook:
             time=min(heard.time, now),
             stale=stale,
         )
-        if (known := self._known.get(heard.uid)) is not None:
-            known.contact = contact
+        if (old := self._known.get(heard.uid)) is not None:
+            old.contact = contact
             return True
         if not self._has_place(now):
             return False
@@ -116,7 +116,7 @@ class ContactBook:
 
     def news(self, now: datetime) -> Iterator[ContactReported | ContactLost]:
         """Yield the reports of lost contacts, then of new and changed ones."""
-        most = now + HOLDS_MOST  # the bound also holds after the clock was set back
+        most = now + HOLDS_MOST  # the bound also holds if the clock was set back
         stales = {uid: contact.contact.stale for uid, contact in self._known.items()}
         for uid in (uid for uid, stale in stales.items() if not now < stale <= most):
             self.lose(uid, "stale")
@@ -153,7 +153,7 @@ class OwnEvents:
     def __init__(
         self, site: SiteOnMap, now: Callable[[], datetime] = lambda: datetime.now(UTC)
     ) -> None:
-        # Events from before this moment may be those of an earlier session of the site.
+        # Events from before this moment may come from an earlier session of the site.
         self._prefix = site.uid("")
         self._prefixes = self._prefix, replace(site, replay=True).uid("")
         self._begun, self._lasts = now(), timedelta(seconds=site.world.stale_s)
@@ -185,7 +185,7 @@ class OwnEvents:
         return uid.startswith(self._prefixes)
 
     def impostor(self, heard: ReceivedEvent) -> str:
-        """Return the name of the site's thing that another sender claims to be; '' for none.
+        """Return the name of the site's thing that another sender claims to be; '' if none.
 
         Only events that report a position or remove a thing count; drawings do not.
         """
@@ -200,7 +200,7 @@ class OwnEvents:
 
 
 def _is_same(sent: _OwnEvent, heard: ReceivedEvent) -> bool:
-    """Return True if `heard` is `sent`, returned by a server, perhaps with a shorter validity."""
+    """Return True if `heard` is `sent` as returned by a server, perhaps with a shorter validity."""
     return (
         sent.type == heard.type
         and abs(sent.time - heard.time) <= SAME
@@ -243,7 +243,7 @@ class TakReports:
     def connection_changed(self, state: TakState, line: str) -> None:
         """Report the new state of the connection, which `line` describes in words."""
         with self._lock:
-            if state == "connected":  # the rest of an event cut off before never arrives
+            if state == "connected":  # the rest of a cut-off event never arrives
                 self._unreadable += self._stream.broken
                 self._stream = EventStream()
             self._changed = TakChanged(server=self._server, state=state, detail=line)
@@ -310,7 +310,7 @@ class TakReports:
         self._notices.append(Noticed(level="alarm", subject="TAK", text=text))
 
     def _not_shown(self, now: datetime) -> list[ContactsLeftOut]:
-        """Return the numbers of omitted things if they changed and a new report is due."""
+        """Return the numbers of omitted things, if they have changed and a new report is due."""
         left_out = ContactsLeftOut(
             outside=len(self._outside),
             too_many=len(self._crowded) + self._unread,

@@ -145,7 +145,7 @@ ASSET_TYPES: dict[AssetKind, str] = {
     "ugv": "a-f-G-E-V-U",
     "robot": "a-f-G-E-V",
 }
-"""CoT types after MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
+"""CoT types according to MIL-STD-2525: a rotary-wing UAV, a utility vehicle, a ground vehicle.
 
 MIL-STD-2525 has no unmanned ground vehicle.
 """
@@ -353,7 +353,7 @@ class SessionOnMap:
         match event.data:
             case TelemetryReceived(picture=picture):
                 moment = min(event.t, self._now())
-                # After a clock was set back, the difference is negative, and the picture is shown.
+                # If the clock was set back, the difference is negative, and the picture is shown.
                 if self._last is not None and timedelta() <= moment - self._last < self._every:
                     return
                 self._last = moment

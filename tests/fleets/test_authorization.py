@@ -63,7 +63,7 @@ REFUSED = {
     "was altered": altered(HONEST, len(HONEST) // 2),
     "is for Ugv_T02, not for Ugv_T01": token_of(MOVE, serial="Ugv_T02"),
     "expired 68.0 s ago": token_of(MOVE, now=NOW - 98),
-    "not valid for another 60.0 s": token_of(MOVE, now=NOW + 60),
+    "becomes valid only in 60.0 s": token_of(MOVE, now=NOW + 60),
     "for another command": token_of(BLOCK, ("ann", "bob")),
     "the rule set dddddddddddd is not enrolled": auth.sign_command(
         KEYS["north"],
@@ -93,8 +93,8 @@ REFUSED = {
     "has not approved it as 'override'": token_of(
         MOVE, approvals={"ann": approval_of("ann", SAID)}, kind="override"
     ),
-    "override needs 2 approvals, and it has 1": token_of(MOVE, kind="override", acts=("override",)),
-    "nobody has told this vehicle of epoch 2; north is in command since epoch 1": token_of(
+    "override needs 2 approvals, but it has 1": token_of(MOVE, kind="override", acts=("override",)),
+    "this vehicle does not know epoch 2; north is in command since epoch 1": token_of(
         MOVE, epoch=2
     ),
     "south signed it in epoch 1; north is in command": token_of(MOVE, station="south"),
@@ -129,7 +129,7 @@ def test_a_hold_never_needs_a_token() -> None:
 
 def test_two_approvals_are_of_two_people() -> None:
     both = token_of(BLOCK, ("ann", "bob"))
-    assert "block needs 2 approvals, and it has 1" in Vehicle().get(token_of(BLOCK), BLOCK)
+    assert "block needs 2 approvals, but it has 1" in Vehicle().get(token_of(BLOCK), BLOCK)
     assert Vehicle().get(both, BLOCK) == ""
     twins = replace(ROSTER, serial=2, people={**ROSTER.people, "bob": ROSTER.people["ann"]})
     vehicle = Vehicle(told=(auth.sign_roster(KEYS["owner"], twins), TO_NORTH))
@@ -144,7 +144,7 @@ def test_what_one_of_two_people_overrides_is_overridden_by_one() -> None:
         "bob": approval_of("bob", SAID),
     }
     token = token_of(MOVE, ("ann", "bob"), approvals=signed, kind="override")
-    assert "override needs 2 approvals, and it has 1" in Vehicle().get(token, MOVE)
+    assert "override needs 2 approvals, but it has 1" in Vehicle().get(token, MOVE)
     signed["bob"] = approval_of("bob", SAID, kind="override", acts=("override",))
     token = token_of(MOVE, ("ann", "bob"), approvals=signed, kind="override")
     assert Vehicle().get(token, MOVE) == ""
@@ -166,7 +166,7 @@ def test_a_stolen_station_key_repeats_nothing_that_was_approved_once() -> None:
     assert vehicle.get(token_of(MOVE, approvals=signed), MOVE) == ""
     again = order(number=2)
     why = vehicle.get(token_of(again, approvals=signed), again)
-    assert why == "what ann approved was used before"
+    assert why == "the order that ann approved was used before"
     twice = {"ann": approval_of("ann", SAID, SAID, request="M1.2")}
     for number in (3, 4):
         command = order(number=number)
@@ -194,11 +194,11 @@ def test_trust_grows_and_never_shrinks() -> None:
 @pytest.mark.parametrize(
     ("person", "key", "epoch", "station", "why"),
     [
-        ("ann", "ann", 2, "south", "only a commander gives command"),
+        ("ann", "ann", 2, "south", "only commanders give command"),
         ("cleo", "ann", 2, "south", "wrong key"),
         ("eve", "eve", 2, "south", "not in the roster"),
         ("cleo", "cleo", 0, "south", "not newer"),
-        ("cleo", "cleo", -1, "south", "no number"),
+        ("cleo", "cleo", -1, "south", "not a whole number"),
     ],
 )
 def test_only_a_commander_gives_command_and_only_onwards(

@@ -103,7 +103,7 @@ def test_what_keeps_a_robot_from_starting_is_named(
         station = Station(world, address)
         say(robot, "state", state(world, changes))
         row = station.rows()["ready"]
-        assert (row.found, row.consequence) == (f"no: {why}", "it starts nothing")
+        assert (row.found, row.consequence) == (f"no: {why}", "it cannot start")
 
 
 def test_what_is_not_as_it_should_be_has_its_consequence(

@@ -164,7 +164,7 @@ def test_a_flood_is_one_alarm_that_names_the_sensor_and_how_many() -> None:
     for _ in range(6):
         found = desk.period(seen("Drone_T03", *flood))
     assert len(found.tracks) == MOST_ALONE
-    text = f"reports 900 contacts: {MOST_ALONE} are taken, the rest is set aside"
+    text = f"reports 900 contacts: {MOST_ALONE} are accepted, the rest is set aside"
     assert ("Drone_T03", text) in {(each.sensor, each.text) for each in desk.aside}
     (summary,) = (alarm for alarm in desk.intake.alarms.open if alarm.kind == "many_contacts")
     assert (summary.subject, summary.priority, summary.command) == ("Drone_T03", "high", "")

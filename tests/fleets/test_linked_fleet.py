@@ -126,7 +126,7 @@ def test_an_id_that_another_command_has_used_is_refused(desk: Desk) -> None:
     desk.fleet.send(command(1, DRONE, "move_to", "WestGate"))
     desk.go()
     assert [c.target for c in air.sent] == ["EastGate"]
-    assert desk.replies == [("M1.1", "refused", "its id was given to another command before")]
+    assert desk.replies == [("M1.1", "refused", "its id was used for another command before")]
 
 
 @pytest.mark.parametrize("case", ["unknown id", "own id", "another asset", "another link", "twice"])
@@ -159,12 +159,12 @@ def test_an_answer_to_nothing_that_was_asked_changes_nothing(desk: Desk, case: s
     [
         ({"age_s": -60.0}, "ahead of ours"),
         ({"age_s": 5.0}, "older than the one before"),
-        ({"position": (nan, 0.0)}, "is no place"),
+        ({"position": (nan, 0.0)}, "is not a place"),
         ({"battery_pct": 300.0}, "battery_pct"),
         ({"speed_mps": -1.0}, "speed_mps"),
         ({"task": "attacking"}, "task"),
-        ({"agent": "Drone_T02"}, "not on"),
-        ({"agent": "Nobody"}, "not on"),
+        ({"agent": "Drone_T02"}, "does not belong"),
+        ({"agent": "Nobody"}, "does not belong"),
         ({"sent": "yesterday"}, "set aside"),
     ],
     ids=lambda value: str(value)[:30],
@@ -351,7 +351,7 @@ def test_an_asset_on_two_links_is_an_error_at_the_start(world: World) -> None:
     links = [ScriptedLink(ON_AIR, {DRONE, UGV}), ScriptedLink(ON_GROUND, {UGV})]
     with pytest.raises(ValueError, match=r"Ugv_T01 is on two links, air:1 and ground:2"):
         LinkedFleet(world, links)
-    with pytest.raises(ValueError, match=r"Tank_T01, which is no asset"):
+    with pytest.raises(ValueError, match=r"Tank_T01, which is not an asset"):
         LinkedFleet(world, [ScriptedLink(ON_AIR, {"Tank_T01"})])
     with pytest.raises(ValueError, match=r"air:1 is given twice"):
         LinkedFleet(world, [ScriptedLink(ON_AIR, {DRONE}), ScriptedLink(ON_AIR, {UGV})])

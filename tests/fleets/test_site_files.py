@@ -78,7 +78,7 @@ def test_the_broker_lets_a_robot_speak_for_itself_alone(tmp_path: Path) -> None:
     [
         ("http://here", "not an address"),
         ("mqtts://", "not an address"),
-        ("mqtt://192.0.2.7/vda5050", "this machine alone"),
+        ("mqtt://192.0.2.7/vda5050", "only for this machine"),
         ("mqtts://host:99999", "Port"),
         ("mqtts://a:b@host", "only host, port and site"),
         ("mqtts://host/a/b", "name of a site"),

@@ -195,7 +195,7 @@ def test_an_order_that_was_sent_before_a_stop_is_refused_after_it() -> None:
     robot.resume(1)
     robot.time += timedelta(seconds=1)
     assert robot.order(2, sent=START + timedelta(seconds=1)) == []
-    assert robot.refused() == ["it was sent before this robot was told to stop"]
+    assert robot.refused() == ["it was sent before this robot was stopped"]
     assert [c.verb for c in robot.order(3)] == ["move_to"]
 
 

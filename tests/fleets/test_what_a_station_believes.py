@@ -111,7 +111,7 @@ def test_a_state_that_the_broker_kept_is_none_of_now(world: World, address: Brok
         topic = evil.topic("Drone_T01", "state")
         evil.send(topic, evil.heard[topic], retain=True)
         with joined(world, address) as fleet:
-            assert "kept by the broker" in " ".join(line.text for line in told(fleet, 1))
+            assert "retained by the broker" in " ".join(line.text for line in told(fleet, 1))
 
 
 def test_a_forged_last_will_makes_an_asset_lost_until_it_reports_again(

@@ -207,7 +207,7 @@ async def _history(kind: str, acts: list[Act]) -> None:
         ("eve", "bob", "own claims", 403, "wrong key"),
         ("eve", "eve", "own claims", 403, "'eve' is not in the roster"),
         ("gone", "gone", "own claims", 403, "was revoked"),
-        ("otto", "otto", "own claims", 403, "the role observer, which may approve nothing"),
+        ("otto", "otto", "own claims", 403, "the role observer, which may not approve"),
         ("bob", "bob", "late", 403, "expired"),
         ("bob", "bob", "plan", 403, "bob has signed another plan"),
         ("bob", "bob", "rules", 403, "bob has signed another rules"),
@@ -254,7 +254,7 @@ async def test_a_signature_made_elsewhere_completes_what_was_approved_here(tmp_p
             again = await ask("POST", f"{path}/signatures", bob, json=body)
             assert (again.status_code, again.json()["type"][-14:]) == (409, "signed-already")
             stale = await ask("GET", "/v1/plans/M9.1/approval", bob)
-            assert (stale.status_code, "does not wait" in stale.json()["detail"]) == (409, True)
+            assert (stale.status_code, "no longer waits" in stale.json()["detail"]) == (409, True)
             for name, kind in (("otto", "may-not-sign"), ("zoe", "may-not-sign")):
                 told = (await ask("GET", f"{path}/approval?person={name}", bob)).json()
                 assert told["type"].endswith(kind)
@@ -266,5 +266,5 @@ async def test_a_signature_made_elsewhere_completes_what_was_approved_here(tmp_p
 
 async def test_where_one_person_is_enough_nobody_is_asked_to_sign() -> None:
     async with waiting("move") as one:
-        with pytest.raises(ProblemError, match="one person is enough, who is ann"):
+        with pytest.raises(ProblemError, match="the approval of ann is enough"):
             one.session.to_sign(one.asked.request_id, "bob")

@@ -97,7 +97,7 @@ def test_questions_have_a_limit_of_their_own(site: Site) -> None:
 def test_the_description_has_the_question_and_its_answer(site: Site) -> None:
     paths = site.ask("GET", "/openapi.json", "").json()["paths"]
     described = paths["/v1/questions"]["post"]
-    assert "no mission is made of it" in described["description"]
+    assert "does not become a mission" in described["description"]
     assert "QuestionAnswered" in json.dumps(described["responses"]["200"])
 
 

@@ -59,13 +59,13 @@ def test_a_file_that_others_may_read_or_that_is_none_lets_nobody_in(file: Path) 
         TokenBook(file).find(token)
     file.chmod(0o600)
     file.write_text('[{"person": "eve", "role": "emperor"}]')
-    with pytest.raises(ValueError, match="no list of tokens"):
+    with pytest.raises(ValueError, match="not a list of tokens"):
         TokenBook(file).find(token)
 
 
 @pytest.mark.parametrize("name", ["", "standing instruction: auto", "a b", "é", "x" * 65, "../x"])
 def test_nobody_has_a_name_that_could_mean_something_else(file: Path, name: str) -> None:
-    with pytest.raises(ValueError, match="is no name"):
+    with pytest.raises(ValueError, match="is not a name"):
         TokenBook(file).make(name, "operator")
 
 

@@ -239,10 +239,10 @@ def test_rules_that_are_not_enrolled_are_told_before_a_vehicle_refuses() -> None
     site, asked = Site(), request(1, "move")
     other = Rulebook("house", "", (), seal=RulesSeal(content_sha256="d" * 64))
     told = site.gate.inadmissible(asked, site.decision(("ann",), asked), other)
-    assert "the rules 'house': they are not enrolled; pa-console keys enrol" in told
+    assert "the rules 'house': enrol them with pa-console keys enrol" in told
 
 
 def test_a_roster_that_its_owner_has_not_signed_is_refused() -> None:
     forged = auth.sign_roster(KEYS["cleo"], ROSTER)
-    with pytest.raises(ValueError, match=r"does not hold: .* wrong key"):
+    with pytest.raises(ValueError, match=r"is not valid: .* wrong key"):
         StationAuthority(keys_of("ann", (forged, TO_NORTH)))

@@ -94,7 +94,7 @@ async def test_rules_that_are_not_enrolled_block_every_plan(site: Site) -> None:
     session = Session(site, authority)
     trace = await session.run()
     assert (trace.status, trace.commands) == ("held", {})
-    assert "they are not enrolled" in trace.reason
+    assert "enrol them with" in trace.reason
     assert any(isinstance(told, ev.Noticed) and told.subject == "keys" for told in session.told)
 
 

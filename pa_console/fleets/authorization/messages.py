@@ -53,7 +53,7 @@ MOST_CHARACTERS = 65_536
 """The largest accepted length of a message."""
 
 ROUNDING_S = 0.001
-"""The tolerance for rounding in the length of a validity, in seconds."""
+"""The tolerance for rounding errors in a period of validity, in seconds."""
 
 _ALGORITHM = "EdDSA"
 _APPROVAL_HEADER = {"alg": "EdDSA", "typ": "pa-approval+jwt"}
@@ -90,14 +90,15 @@ class EnrolledRules:
 
     name: str
     approvals: Mapping[str, int] = field(default_factory=dict[str, int])
-    """The number of people who must approve each act, if it is more than one."""
+    """For each act that needs more than one approval, the number of people who must approve it."""
 
 
 @dataclass(frozen=True)
 class Roster:
     """The members of a site: people and stations by name, rule sets by SHA-256.
 
-    Takeovers below `epoch` are no longer valid, even at a vehicle that has lost the later ones.
+    A takeover whose epoch is below `epoch` is not valid, even at a vehicle that has lost the later
+    takeovers.
     """
 
     serial: int = 0
@@ -119,7 +120,7 @@ class Roster:
         for name, person in roster.people.items():
             public_key(person.key)
             if person.role not in ROLES:
-                raise ValueError(f"{name}: {person.role!r} is no role")
+                raise ValueError(f"{name}: {person.role!r} is not a role")
         for key in roster.stations.values():
             public_key(key)
         for rules in roster.rules.values():
@@ -154,9 +155,10 @@ class Approval:
 
 @dataclass(frozen=True)
 class Grounds:
-    """The basis of a command: the signed approvals, by the person's name, and their subject.
+    """The basis of a command: the plan that was approved, and the signed approvals of it.
 
-    `operator` is the person who made the decision.
+    `operator` is the person who made the decision. `approvals` has each signed approval by the name
+    of the person.
     """
 
     operator: str
@@ -221,7 +223,7 @@ def sign_command(
 def sign_roster(owner: Ed25519PrivateKey, roster: Roster) -> str:
     """Return `roster`, signed with the site owner's key.
 
-    Receivers accept it only if its serial is higher than the last one.
+    Receivers accept it only if its serial is higher than that of the last roster.
     """
     return sign("roster", asdict(roster), owner)
 
@@ -229,8 +231,8 @@ def sign_roster(owner: Ed25519PrivateKey, roster: Roster) -> str:
 def sign_revocation(owner: Ed25519PrivateKey, serial: int, keys: Sequence[str]) -> str:
     """Return the message that revokes `keys`, signed with the site owner's key.
 
-    `keys` must include every key that was revoked before, and `serial` must be higher than the
-    last one.
+    `keys` must include every key that was revoked before, and `serial` must be higher than that of
+    the last revocation.
     """
     return sign("revocation", {"serial": serial, "keys": sorted(keys)}, owner)
 
@@ -257,7 +259,7 @@ class Records:
 
 
 def sign_records(key: Ed25519PrivateKey, records: Records, now: float) -> str:
-    """Return the message that vouches for `records`, signed with the station's `key`."""
+    """Return the message that confirms `records`, signed with the station's `key`."""
     return sign("records", {**asdict(records), "nbf": now, "exp": now + RECORDS_S}, key)
 
 
@@ -266,45 +268,45 @@ class RefusedError(Exception):
 
 
 def sign(kind: Message, claims: Claims, key: Ed25519PrivateKey) -> str:
-    """Return a message of that `kind` with `claims`, signed with `key`."""
+    """Return a message of the given `kind` with `claims`, signed with `key`."""
     payload = json.dumps(claims, separators=(",", ":")).encode()
     return _JWS.encode(payload, key, _ALGORITHM, headers={"typ": f"pa-{kind}+jwt"})
 
 
 def open_message(
-    message: str, kind: Message, key: Ed25519PublicKey, what: str = "its authorization"
+    message: str, kind: Message, key: Ed25519PublicKey, subject: str = "its authorization"
 ) -> Claims:
-    """Return the claims of a `message` of that `kind`, which must be signed with `key`.
+    """Return the claims of a `message` of the given `kind`, which must be signed with `key`.
 
-    Raises RefusedError if the message is too long, altered, not in canonical form, signed with
-    another key or of another kind. `what` is the name of the message in the reason.
+    Raises RefusedError if the message is too long, altered, not in canonical form, of another kind,
+    or signed with another key. `subject` is the name of the message in the reason.
     """
     if len(message) > MOST_CHARACTERS:
-        raise RefusedError(f"{what} is longer than {MOST_CHARACTERS} characters")
+        raise RefusedError(f"{subject} is longer than {MOST_CHARACTERS} characters")
     try:
         opened = _JWS.decode_complete(message, key, [_ALGORITHM])
     except (jwt.InvalidSignatureError, InvalidSignature) as error:
-        raise RefusedError(f"{what} was altered, or signed with a wrong key") from error
+        raise RefusedError(f"{subject} was altered, or signed with a wrong key") from error
     except jwt.InvalidTokenError as error:
-        raise RefusedError(f"{what} cannot be read: {error}") from error
+        raise RefusedError(f"{subject} cannot be read: {error}") from error
     # Base64 can encode one signature in several ways. Only the canonical one is accepted, so that
     # an altered copy of a message cannot pass as a different message.
     if message.rpartition(".")[2] != base64url_encode(opened["signature"]).decode():
-        raise RefusedError(f"{what} is not written in the one way there is")
+        raise RefusedError(f"{subject} is not in canonical form")
     if opened["header"].get("typ") != f"pa-{kind}+jwt":
-        raise RefusedError(f"{what} is a message of another kind")
+        raise RefusedError(f"{subject} is a message of another kind")
     return read_claims(opened["payload"])
 
 
-def check_time(claims: Claims, what: str, most_s: float, now: float) -> None:
-    """Raise RefusedError if `claims` are not valid at `now`, or are valid for over `most_s`."""
+def check_time(claims: Claims, subject: str, most_s: float, now: float) -> None:
+    """Raise RefusedError if `claims` are not valid at `now`, or for more than `most_s` seconds."""
     begins, ends = claims["nbf"], claims["exp"]
     if not (is_time(begins) and is_time(ends) and ends - begins <= most_s + ROUNDING_S):
-        raise RefusedError(f"{what} is not limited to {most_s:.0f} s")
+        raise RefusedError(f"{subject} is not limited to {most_s:.0f} s")
     if not now >= begins - LEEWAY_S:
-        raise RefusedError(f"{what} is not valid for another {begins - now:.1f} s")
+        raise RefusedError(f"{subject} becomes valid only in {begins - now:.1f} s")
     if not now <= ends + LEEWAY_S:
-        raise RefusedError(f"{what} expired {now - ends:.1f} s ago")
+        raise RefusedError(f"{subject} expired {now - ends:.1f} s ago")
 
 
 def read_claims(payload: bytes) -> Claims:
@@ -319,7 +321,7 @@ def read_claims(payload: bytes) -> Claims:
 
 
 def unverified(message: str) -> Claims:
-    """Return the claims of `message` without a check of its signature."""
+    """Return the claims of `message` without checking its signature."""
     return read_claims(
         _JWS.decode_complete(message, options={"verify_signature": False})["payload"]
     )
@@ -340,14 +342,14 @@ def public_key(key: str) -> Ed25519PublicKey:
 
 
 def whole_number(value: object) -> int:
-    """Return `value`, a serial or an epoch; raises ValueError if it is not one."""
+    """Return `value` as a serial or an epoch; raises ValueError if it cannot be one."""
     if type(value) is not int or not 0 <= value < 2**53:
-        raise ValueError(f"{value!r} is no number from 0 on")
+        raise ValueError(f"{value!r} is not a whole number from 0 on")
     return value
 
 
 def is_time(value: object) -> TypeGuard[float]:
-    """Return whether `value` is a number; a bool is not a number."""
+    """Return whether `value` is a number; a bool does not count as a number."""
     return type(value) in (int, float)
 
 
@@ -376,8 +378,8 @@ class UnsignedApproval:
     def read(cls, text: str) -> Self:
         """Return the approval in `text`; raises RefusedError if `text` is anything else.
 
-        Takeovers, rosters and commands are refused, so that a person does not sign one in the
-        belief that it is an approval.
+        Takeovers, rosters and commands are refused, so that nobody signs one of them in place of an
+        approval.
         """
         try:
             header, claims = _opened(text)
@@ -385,13 +387,13 @@ class UnsignedApproval:
                 raise RefusedError("this is a message of another kind than an approval")
             named = {name.name for name in fields(Approval)} | {"nbf", "exp"}
             if claims.keys() != named:
-                raise RefusedError("this approval does not say what an approval says")
+                raise RefusedError("this approval does not have exactly the parts of an approval")
             check_time(claims, "this approval", APPROVAL_S, claims["nbf"])
             return cls(text, _approval(claims), claims["nbf"], claims["exp"])
         except RefusedError:
             raise
         except (ValueError, KeyError, TypeError) as error:
-            raise RefusedError(f"this is nothing to sign: {error}") from error
+            raise RefusedError(f"this cannot be signed: {error}") from error
 
     @property
     def sha256(self) -> str:
@@ -404,17 +406,17 @@ class UnsignedApproval:
         return f"{self.text}.{base64url_encode(signature).decode()}"
 
 
-def _packed(said: Mapping[str, object]) -> str:
-    return base64url_encode(json.dumps(said, separators=(",", ":")).encode()).decode()
+def _packed(content: Mapping[str, object]) -> str:
+    return base64url_encode(json.dumps(content, separators=(",", ":")).encode()).decode()
 
 
 def _opened(text: str) -> tuple[Claims, Claims]:
     if len(text) > MOST_CHARACTERS or not text.isascii():
-        raise RefusedError(f"what is signed is ASCII, of at most {MOST_CHARACTERS} characters")
+        raise RefusedError(f"only ASCII text of at most {MOST_CHARACTERS} characters can be signed")
     first, dot, second = text.partition(".")
     packed = [base64url_encode(base64url_decode(part)).decode() for part in (first, second)]
     if not dot or packed != [first, second]:
-        raise RefusedError("this is nothing to sign: it has to be two parts in base64url")
+        raise RefusedError("this cannot be signed: it must consist of two parts in base64url")
     return read_claims(base64url_decode(first)), read_claims(base64url_decode(second))
 
 
@@ -422,16 +424,16 @@ def _approval(claims: Claims) -> Approval:
     """Return the approval in `claims`; raises ValueError if a part has the wrong type."""
     texts = {part: claims[part] for part in _TEXTS}
     if not all(isinstance(value, str) for value in texts.values()) or claims["kind"] not in KINDS:
-        raise ValueError("a part of it is of no known kind")
+        raise ValueError("a part of it has an unknown kind")
     orders, acts = _texts(claims["orders"], "orders"), _texts(claims["acts"], "acts")
     return Approval(**texts, orders=orders, kind=claims["kind"], acts=acts)
 
 
 def _texts(value: Any, part: str) -> tuple[str, ...]:
     if not isinstance(value, list):
-        raise ValueError(f"{part} is no list")
+        raise ValueError(f"{part} is not a list")
     items = cast(list[object], value)
     texts = tuple(item for item in items if isinstance(item, str))
     if len(texts) != len(items):
-        raise ValueError(f"{part} has more than texts")
+        raise ValueError(f"{part} has an item that is not a text")
     return texts

@@ -102,38 +102,38 @@ class Trust:
         """Return the person called `name`; raises RefusedError if that person may not approve."""
         person = self.person(name)
         if ROLES.index(person.role) < ROLES.index("operator"):
-            raise RefusedError(f"{name} has the role {person.role}, which may approve nothing")
+            raise RefusedError(f"{name} has the role {person.role}, which may not approve")
         return person
 
     def approval(self, name: str, message: str, now: float) -> tuple[Claims, str]:
         """Return the claims of the approval by the person called `name`, and the person's key.
 
-        Raises RefusedError if the person may not approve or did not sign `message`, and if the
+        Raises RefusedError if the person may not approve or did not sign `message`, or if the
         approval is not valid at `now`.
         """
-        person, what = self.approver(name), f"the approval of {name}"
-        approval = open_message(message, "approval", public_key(person.key), what)
-        check_time(approval, what, APPROVAL_S, now)
+        person, subject = self.approver(name), f"the approval of {name}"
+        approval = open_message(message, "approval", public_key(person.key), subject)
+        check_time(approval, subject, APPROVAL_S, now)
         if approval["person"] != name or type(approval["orders"]) is not list:
-            raise RefusedError(f"{what} is not what it should be")
+            raise RefusedError(f"{subject} is not a valid approval")
         return approval, person.key
 
     def records(self, station: str, message: str, now: float) -> Records:
-        """Return the records that the station called `station` vouches for at `now`.
+        """Return the records that the station called `station` confirms by its signature.
 
-        Raises RefusedError if the station did not sign `message`, and if the signature is not
-        valid at `now`.
+        Raises RefusedError if the station did not sign `message`, or if the signature is not valid
+        at `now`.
         """
-        key, what = self.roster.stations.get(station), f"the signature of {station}"
+        key, subject = self.roster.stations.get(station), f"the signature of {station}"
         if key is None or key in self.revoked:
-            raise RefusedError(f"{station} is no station of this site")
+            raise RefusedError(f"{station} is not a station of this site")
         try:
-            claims = open_message(message, "records", public_key(key), what)
-            check_time(claims, what, RECORDS_S, now)
+            claims = open_message(message, "records", public_key(key), subject)
+            check_time(claims, subject, RECORDS_S, now)
             first, last = whole_number(claims["first"]), whole_number(claims["last"])
             return Records(str(claims["session"]), first, last, str(claims["head"]))
         except (ValueError, KeyError, TypeError) as error:
-            raise RefusedError(f"{what} is not what it should be: {error}") from error
+            raise RefusedError(f"{subject} is not valid: {error}") from error
 
     def _take_roster(self, claims: Claims) -> None:
         roster = Roster.of(claims)
@@ -156,11 +156,11 @@ class Trust:
         name = str(claimed.get("person"))
         person = self.person(name)
         if person.role != "commander":
-            raise RefusedError(f"{name} has the role {person.role}; only a commander gives command")
+            raise RefusedError(f"{name} has the role {person.role}; only commanders give command")
         claims = open_message(message, "takeover", public_key(person.key))
         taken = Takeover(whole_number(claims["epoch"]), str(claims["station"]), name)
         if taken.epoch < self.roster.epoch:
-            raise RefusedError(f"epoch {taken.epoch} is over: the roster is of {self.roster.epoch}")
+            raise RefusedError(f"epoch {taken.epoch} is over: the roster has {self.roster.epoch}")
         if taken.epoch == self.takeover.epoch and taken.station == self.takeover.station:
             return
         now = self.takeover
@@ -177,7 +177,7 @@ class SignedMessages:
     """
 
     def __init__(self, take: Callable[[str], str]) -> None:
-        """Pass messages to `take`, which accepts a message or returns the reason if refused."""
+        """Pass messages to `take`, which accepts a message or returns the reason for a refusal."""
         self._take = take
         self.newest: dict[str, str] = {}
         """The last accepted message of each kind."""
@@ -185,7 +185,7 @@ class SignedMessages:
         """The recently refused messages, each with its kind."""
 
     def hear(self, message: str) -> str:
-        """Accept `message` if it is newer than the known one; return the reason if refused.
+        """Accept `message` if it is newer than the last one; return the reason if refused.
 
         The result is '' if the message is accepted or already known.
         """

@@ -1,4 +1,4 @@
-"""The verifier of a vehicle, which decides whether a command may be carried out, and its memory."""
+"""The `Verifier` of a vehicle, which decides whether a command may be carried out; its `Memory`."""
 
 import json
 import sqlite3
@@ -30,7 +30,7 @@ from pa_console.fleets.authorization.messages import (
 from pa_console.fleets.authorization.trust import Takeover, Trust
 
 _ONE_APPROVAL = ("person", "station", "session", "request", "nbf")
-_USED = {"used": "used before", "forgotten": "made before anything that this vehicle remembers"}
+_USED = {"used": "used before", "forgotten": "made before any that this vehicle remembers"}
 
 
 class Memory:
@@ -89,7 +89,7 @@ class Memory:
         self._base.close()
 
     def _forget(self, kind: str) -> None:
-        """Delete the half of the entries that expires first, and record the latest expiry of them.
+        """Delete the half of the entries that expires first, and record its latest expiry.
 
         From then on, `use` returns "forgotten" for every name that expires by that time.
         """
@@ -143,13 +143,13 @@ class Verifier:
             try:
                 self._memory.keep("trust", json.dumps(state))
             except sqlite3.Error as error:
-                return f"it holds until a restart alone, for it cannot be kept: {error}"
+                return f"it is valid only until a restart, because it cannot be stored: {error}"
         return why
 
     def verify(self, token: str | None, command: Command) -> str:
-        """Return why `command` is refused; '' if it may be carried out now, once.
+        """Return why `command` is refused; '' if it may be carried out once, now.
 
-        A success uses up the token and one order of each approval.
+        In that case, the token and one order of each approval are used up.
         """
         try:
             if command.verb in UNSIGNED:
@@ -199,12 +199,12 @@ class Verifier:
                 self._explain(token)
             raise
         if claims["iss"] != station:
-            raise RefusedError("its authorization names another key than it was signed with")
+            raise RefusedError("its authorization does not name the key that signed it")
         epoch = whole_number(claims["epoch"])
         if epoch < trust.takeover.epoch:
             raise RefusedError(f"its authorization is of epoch {epoch}; {trust.in_command}")
         if epoch > trust.takeover.epoch:
-            raise RefusedError(f"nobody has told this vehicle of epoch {epoch}; {trust.in_command}")
+            raise RefusedError(f"this vehicle does not know epoch {epoch}; {trust.in_command}")
         return claims
 
     def _explain(self, token: str) -> None:
@@ -245,11 +245,11 @@ class Verifier:
         for act, keys in signers.items():
             asked = max(rules.approvals.get(act, 1), 1)
             if len(keys) < asked:
-                raise RefusedError(f"{act} needs {asked} approvals, and it has {len(keys)}")
+                raise RefusedError(f"{act} needs {asked} approvals, but it has {len(keys)}")
         return approvals
 
     def _use(self, claims: Claims, approvals: Sequence[Claims], command: Command) -> None:
-        """Use up the token, and from each approval one order with the words of `command`.
+        """Use up the token and, from each approval, one order with the words of `command`.
 
         Therefore, a stolen station key cannot repeat a command that people approved once. Raises
         RefusedError if the token or all such orders were used before.
@@ -265,7 +265,7 @@ class Verifier:
                 if why != "used":
                     break
             if why:
-                raise RefusedError(f"what {approval['person']} approved was {_USED[why]}")
+                raise RefusedError(f"the order that {approval['person']} approved was {_USED[why]}")
 
     def _opened_approval(
         self, name: str, message: str, token: Claims, command: Command
@@ -274,12 +274,12 @@ class Verifier:
 
         Raises RefusedError if the approval does not cover this command of this station.
         """
-        what = f"the approval of {name}"
+        subject = f"the approval of {name}"
         approval, key = self.trust.approval(name, message, self._now())
         if approval["station"] != token["iss"]:
-            raise RefusedError(f"{what} was not given to this station")
+            raise RefusedError(f"{subject} was not given to this station")
         if any(approval[part] != token[part] for part in ("session", "plan", "rules")):
-            raise RefusedError(f"{what} is for another plan or another rule set")
+            raise RefusedError(f"{subject} is for another plan or another rule set")
         if words(command) not in approval["orders"]:
-            raise RefusedError(f"{what} is not for {words(command)}")
+            raise RefusedError(f"{subject} is not for {words(command)}")
         return approval, key

@@ -1,4 +1,4 @@
-"""Flight modes of ArduPilot, and the parameters of it that the console relies on."""
+"""The flight modes of ArduPilot, and its parameters on which the console relies."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ COPTER_MODES: Mapping[int, str] = {
     17: "HOLD", 18: "THROW", 20: "GUIDED_NOGPS", 21: "SMART_RTL", 22: "FLOWHOLD", 23: "FOLLOW",
     24: "ZIGZAG", 27: "AUTO_RTL",
 }  # fmt: skip
-"""The modes of ArduPilot Copter by number, with PX4's names if both have the mode; 17 is BRAKE.
+"""The modes of ArduPilot Copter by number, with PX4's names for modes that both have; 17 is BRAKE.
 
-LOITER is a pilot's mode. In it, the drone sinks if the throttle stick is down, as it is without a
-remote control.
+LOITER is a pilot's mode. In it, the drone sinks if the throttle stick is down, which is also its
+position when there is no remote control.
 """
 
 ROVER_MODES: Mapping[int, str] = {
@@ -43,18 +43,18 @@ POLYGON = 4
 GOES_ON = 2
 """The bit of FS_OPTIONS with which a mission continues without a station."""
 
-NO_FENCE = "it ignores its fence: it starts no flight"
+NO_FENCE = "it ignores its fence, so it may not start a flight"
 LOST = "it does not notice that the console is gone"
 
 
 def mode_name(vehicle_type: int, custom_mode: int) -> str:
-    """Return the name of the mode with that number in a heartbeat."""
+    """Return the name of the mode with the given number in a heartbeat."""
     modes = ROVER_MODES if vehicle_type in ROVER_TYPES else COPTER_MODES
     return modes.get(custom_mode, f"MODE {custom_mode}")
 
 
 def has_polygons(fence_type: float) -> bool:
-    """Return whether the autopilot enforces polygons with that value of FENCE_TYPE."""
+    """Return whether the autopilot enforces polygons with the given value of FENCE_TYPE."""
     return bool(int(fence_type) & POLYGON)
 
 
@@ -68,7 +68,7 @@ class Parameter:
     otherwise: str
 
     def finding(self, agent: str, values: Mapping[str, float]) -> LinkFinding:
-        """Return the finding about this parameter in `values`; a missing one is not an error."""
+        """Return the finding about this parameter in `values`; a missing value is not an error."""
         value = values.get(self.name)
         if value is None:
             return LinkFinding(agent, self.name, "not reported")
@@ -78,10 +78,10 @@ class Parameter:
 
 def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tuple[Parameter, ...]:
     """Return the parameters to check; `station` is the console's own system id."""
-    polygon = f"one with {POLYGON} in it"
+    polygon = f"a value that includes {POLYGON}"
     settings = [
         Parameter(BATTERY, lambda v: v > 0, "4", "its battery counts as low"),
-        Parameter("BATT_FS_LOW_ACT", lambda v: v > 0, "2", "it goes on with an empty battery"),
+        Parameter("BATT_FS_LOW_ACT", lambda v: v > 0, "2", "it continues with an empty battery"),
         Parameter("FENCE_ACTION", lambda v: v > 0, "1", NO_FENCE),
         Parameter("FENCE_TYPE", has_polygons, polygon, NO_FENCE),
         Parameter("FS_GCS_ENABLE", lambda v: v > 0, "1", LOST),
@@ -89,12 +89,12 @@ def parameters(kind: AssetKind, vehicles: MavlinkVehicles, station: int) -> tupl
     ]
     if kind == "uav":
         ceiling, orders = vehicles.ceiling_m, ", ".join(vehicles.survives_lost_link)
-        high = f"it breaks its fence on a flight at ceiling_m, {ceiling:g} m"
+        high = f"it breaches its fence on a flight at ceiling_m, {ceiling:g} m"
         settings.append(
             Parameter("FENCE_ALT_MAX", lambda v: v >= ceiling, f"{ceiling:g} or more", high)
         )
         if orders:
             cut = f"its failsafe ends '{orders}' when the link is lost"
-            wanted = f"one with {GOES_ON} in it"
+            wanted = f"a value that includes {GOES_ON}"
             settings.append(Parameter("FS_OPTIONS", lambda v: bool(int(v) & GOES_ON), wanted, cut))
     return tuple(settings)

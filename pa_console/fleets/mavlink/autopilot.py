@@ -1,6 +1,7 @@
-"""One vehicle over mavsdk, which passes messages to its `Flight` and sends the flight's requests.
+"""The connection to one vehicle through mavsdk.
 
-mavsdk calls back on its own threads. The callbacks only hand their work over with `post`.
+The vehicle's messages are passed to its `Flight`, and the flight's requests are sent to it. mavsdk
+calls back on its own threads. The callbacks only hand their work over with `post`.
 """
 
 import json
@@ -26,7 +27,7 @@ from pa_console.fleets.mavlink.messages import POSITION, RequestedMessages, need
 from pa_console.schema.world import AssetKind
 
 Post = Callable[[Callable[[], object]], None]
-"""A function that lets the link's own thread do some work."""
+"""A function that passes work to the link's own thread."""
 
 AUTOPILOT = 1
 """The component id of an autopilot; cameras and radios of the same vehicle are ignored."""
@@ -34,15 +35,15 @@ AUTOPILOT = 1
 FENCE, MISSION = 1, 0
 PX4_FENCE_ACTION, FENCE_ACTION, FENCE_TYPE = "GF_ACTION", "FENCE_ACTION", "FENCE_TYPE"
 PX4_ACTS = (2, 3, 4, 5)
-"""PX4's effective actions at the fence: hold, return, terminate, land. 0 is none, 1 only warns."""
+"""PX4's actions at the fence that take effect: hold, return, terminate, land (1 only warns)."""
 
 PREARM_CHECK = 0x1000_0000
 """The bit of SYS_STATUS for the checks before arming."""
 
 SENSORS = 0x0020_002F
-"""The bits of SYS_STATUS for gyrometers, accelerometers, magnetometer, barometer, GPS and position.
+"""The bits of SYS_STATUS for gyroscopes, accelerometers, magnetometer, barometer, GPS and position.
 
-"Position" is the estimate of the position.
+The last one is the estimate of the position.
 """
 
 UNANSWERED = frozenset((ActionResult.TIMEOUT, ActionResult.BUSY, ActionResult.CONNECTION_ERROR))
@@ -156,7 +157,7 @@ class MavsdkAutopilot:
             self._flight.mode_changed(ardupilot.mode_name(vehicle, int(message["custom_mode"])))
 
     def _checks(self, message: dict[str, Any]) -> None:
-        """Process the results of the vehicle's own checks, before arming and of its sensors."""
+        """Process the results of the vehicle's checks before arming and of its sensor checks."""
         enabled = int(message["onboard_control_sensors_enabled"])
         fails = enabled & ~int(message["onboard_control_sensors_health"])
         if enabled & PREARM_CHECK:
@@ -217,7 +218,7 @@ class MavsdkAutopilot:
         return MavlinkMessage(name, 0, 0, self.system_id, AUTOPILOT, json.dumps(fields))
 
     def hold(self) -> None:
-        """Change to the mode that holds the place; mavsdk repeats the request until an answer."""
+        """Change to the mode that keeps the place; mavsdk repeats the request until answered."""
         if self.kind == "ardupilot":
             fields = self._addressed(command=int(Cmd.SET_MODE), param1=1.0, param2=self._stands)
             self._direct.send_command_async(self._message("COMMAND_LONG", fields), self._stood)
@@ -274,7 +275,7 @@ class MavsdkAutopilot:
         self._mission.download_geofence_async(done)
 
     def enforce_fence(self) -> None:
-        """Make an ArduPilot enforce its fence, or check that a PX4 enforces its own.
+        """Make an ArduPilot enforce its fence, or check that a PX4 enforces its fence.
 
         Both begin with a request for parameters. Other autopilots are trusted.
         """
@@ -310,7 +311,7 @@ class MavsdkAutopilot:
             )
         elif not ardupilot.has_polygons(self.parameters.get(FENCE_TYPE, ardupilot.POLYGON)):
             self._flight.fence.enforced(
-                f"its {FENCE_TYPE} is without polygons; add {ardupilot.POLYGON} to it"
+                f"its {FENCE_TYPE} does not include polygons; add {ardupilot.POLYGON} to it"
             )
         else:
             enable = self._addressed(command=int(Cmd.FENCE_ENABLE), param1=1.0)

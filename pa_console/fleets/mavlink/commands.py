@@ -1,4 +1,4 @@
-"""The requests to an autopilot (commands and mission items), and the protocol of an autopilot.
+"""The requests to an autopilot (commands and mission items), and the `Autopilot` protocol.
 
 Numbers and units are those of the MAVLink common message set: degrees times 10^7, metres.
 """
@@ -17,7 +17,7 @@ Degrees = tuple[float, float]
 """Latitude and longitude, in degrees."""
 
 GLOBAL, RELATIVE = 5, 6
-"""MAV_FRAME with integer degrees and altitude above sea level, and above the home position."""
+"""The values of MAV_FRAME with integer degrees: altitude above sea level, and above home."""
 
 KEEP = math.nan
 """The parameter value that keeps the vehicle's own value, such as its yaw."""
@@ -73,7 +73,7 @@ RESULTS: dict[int, str] = {
 
 @dataclass(frozen=True)
 class MavCommand:
-    """A COMMAND_LONG; with a place, a COMMAND_INT with the place as its last parameters."""
+    """A COMMAND_LONG or, if it has a place, a COMMAND_INT whose last parameters are the place."""
 
     command: Cmd
     params: tuple[float, ...] = ()
@@ -109,7 +109,7 @@ class Autopilot(Protocol):
         ...
 
     def hold(self) -> None:
-        """Change to the mode that holds the place; the request is repeated until an answer."""
+        """Change to the mode that keeps the place; the request is repeated until it is answered."""
         ...
 
     def upload_mission(self, items: Sequence[MavItem]) -> None:
@@ -138,12 +138,12 @@ class Autopilot(Protocol):
 
 
 def e7(degrees: float) -> int:
-    """Return degrees as an integer of MAVLink, times 10^7."""
+    """Return degrees as MAVLink's integer, which is degrees times 10^7."""
     return round(degrees * E7)
 
 
 def start_flight(kind: Kind, altitude_m: float, msl_m: float) -> tuple[MavCommand, ...]:
-    """Return the commands that arm a drone and let it take off to `altitude_m` above its home.
+    """Return the commands that arm a drone and make it take off to `altitude_m` above its home.
 
     `msl_m` is the same altitude above sea level.
     """

@@ -14,7 +14,7 @@ from pa_console.sim.worlds.geography import Geography
 FAR_M = 10_000.0
 """The largest accepted distance of a position from the world's origin, in metres.
 
-A larger distance means a wrong origin or a position without a receiver.
+A larger distance means a wrong origin, or a position that was reported without GPS.
 """
 
 STANDS_MPS = 0.3
@@ -24,9 +24,9 @@ DRIFT = 1e-4
 """The largest drift of an autopilot's clock, as a fraction of the time."""
 
 REBOOT_S = 5.0
-"""The step back in a drone's time since boot, in seconds, that shows a restart."""
+"""The decrease of a drone's time since boot, in seconds, that shows a restart."""
 
-NO_PLACE = "does not know where it is any more"
+NO_PLACE = "no longer knows where it is"
 MOST_TEXT = 200
 """The largest number of characters of a status text."""
 
@@ -60,10 +60,10 @@ class BootClock:
         self._sent: datetime | None = None
 
     def sent(self, boot_s: float, arrived: datetime) -> datetime | None:
-        """Return the time at which a message was sent; None if it is older than the last one.
+        """Return the time at which a message was sent; None if it is older than the last message.
 
         After a restart, the time of the boot is determined again. The result is never earlier than
-        the last one.
+        the last result.
         """
         began = arrived - timedelta(seconds=boot_s)
         if self._began is None or self._moved is None or boot_s < self._latest_s - REBOOT_S:
@@ -142,7 +142,7 @@ class DroneState:
 
     @property
     def landed(self) -> bool:
-        """True if the vehicle is on the ground, or if that is unknown and it is disarmed."""
+        """True if the vehicle is on the ground, or if this is unknown and it is disarmed."""
         unheard = self.on_ground is None and not self.armed
         return self.ground_bound or self.on_ground is True or unheard
 
@@ -167,7 +167,7 @@ class DroneState:
         return "ok" if self.healthy and self.system_state != CRITICAL else "degraded"
 
     def positioned(self, message: Mapping[str, Any], arrived: datetime) -> str:
-        """Process a GLOBAL_POSITION_INT; return why the position is refused; '' if it is not."""
+        """Process a GLOBAL_POSITION_INT; return why the position is refused, or '' if it is not."""
         latitude, longitude = int(message["lat"]) / 1e7, int(message["lon"]) / 1e7
         if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
             return "reports a position that is not on the earth"

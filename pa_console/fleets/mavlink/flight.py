@@ -31,21 +31,21 @@ from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
 ACK_S, TRIES = 1.0, 4
-"""The time between attempts to send an unanswered command, in seconds, and their number."""
+"""The time between attempts to send an unanswered command, in seconds; the number of attempts."""
 
 REASON_S = 0.4
-"""The largest time between a refusal and the vehicle's text about it, in seconds, either way."""
+"""The largest time between a refusal and the vehicle's text before or after it, in seconds."""
 
 ARRIVED_M, DRIVEN_M = 1.5, 3.5
 HEIGHT_M = 2.0
-"""The distances from the target within which a vehicle has arrived, in metres.
+"""The distances from the target within which a vehicle counts as arrived, in metres.
 
 They apply to a drone, to a ground vehicle (which stops 2 to 3 m from its target), and to a drone's
 height.
 """
 
 CLIMBED = 0.9
-"""The fraction of the ordered altitude at which a drone has taken off."""
+"""The fraction of the ordered altitude at which a drone counts as having taken off."""
 
 STALL_S = 25.0
 """The time without progress after which an order has failed, in seconds."""
@@ -114,11 +114,11 @@ class Flight(ReportingVehicle):
             return
         answers = self._answers
         if command.command_id in answers:
-            known, order = answers[command.command_id], self._order
+            answer, order = answers[command.command_id], self._order
             if order is not None and order.command.command_id == command.command_id:
                 order.tries = 0
-            if known is not None:
-                self._tell(known)
+            if answer is not None:
+                self._tell(answer)
             return
         answers[command.command_id] = None
         if len(answers) > KNOWN:
@@ -132,7 +132,7 @@ class Flight(ReportingVehicle):
             self._begin(command)
 
     def may_arm(self) -> bool:
-        """Return whether an order from the station needs the vehicle armed now."""
+        """Return whether an order from the station needs the vehicle to be armed now."""
         return self._order is not None and self._order.arming
 
     # Answers of the autopilot
@@ -204,9 +204,9 @@ class Flight(ReportingVehicle):
             self._end(order, "failed", self.fence.problem)
             self._autopilot.hold()
         elif order.refused is not None:
-            what, since_s = order.refused
+            problem, since_s = order.refused
             if now - since_s >= REASON_S:
-                self._give_reason(order.command, what, since_s, order.acknowledged)
+                self._give_reason(order.command, problem, since_s, order.acknowledged)
                 self._order = None
         elif order.acknowledged and order.target and self._left_for_itself(order.started_s):
             self._end(order, "failed", self._left_words(order))
@@ -246,7 +246,7 @@ class Flight(ReportingVehicle):
         if command.verb == "report":
             return ""
         if state.manual:
-            return f"a pilot flies it ({state.mode}): it takes orders again in another mode"
+            return f"a pilot flies it ({state.mode}): it accepts orders again in another mode"
         return self._defect() or self._why_grounded(command)
 
     def _replace(self, order: FlightOrder | None) -> None:
@@ -257,7 +257,7 @@ class Flight(ReportingVehicle):
             self._answer(old.command, "failed", "superseded")
 
     def _kept_hold(self) -> HoldOrder | None:
-        """End the current hold; return it if the autopilot has still to answer it.
+        """End the current hold; return it if the autopilot has not answered it yet.
 
         No step of an order is sent before that answer.
         """
@@ -294,7 +294,7 @@ class Flight(ReportingVehicle):
                 self._climb(order, step, now)
 
     def _fenced_off(self, order: FlightOrder) -> bool:
-        """Return whether a changed geofence prevents the order, but never a return in flight."""
+        """Return whether a changed geofence prevents the order; a return in flight is exempt."""
         takes_off = any(isinstance(step, Climb) for step in order.steps)
         return self.fence.differs and (takes_off or order.command.verb != "return_to_base")
 
@@ -355,7 +355,7 @@ class Flight(ReportingVehicle):
     def _progress(self, order: FlightOrder, words: str, now: float) -> None:
         """Report the progress of an order every PROGRESS_S.
 
-        The station would send an order without progress again.
+        The station sends an order again if no progress is reported.
         """
         if order.acknowledged and now - order.told_s >= PROGRESS_S:
             order.told_s = now
@@ -402,7 +402,7 @@ class Flight(ReportingVehicle):
             self._end(order, "done", f"at {world.base}", keeps_task=True)
         else:
             away = math.dist(at, world.frames[world.base].at)
-            why = f"it landed {away:.0f} m from {world.base}: it has its home elsewhere"
+            why = f"it landed {away:.0f} m from {world.base}: its home is elsewhere"
             self._end(order, "failed", why)
 
     # Stopping
@@ -434,9 +434,9 @@ class Flight(ReportingVehicle):
         if hold is None:
             return
         if hold.refused is not None:
-            what, since_s = hold.refused
+            problem, since_s = hold.refused
             if now - since_s >= REASON_S:
-                self._give_reason(hold.command, what, since_s, hold.accepted_s is not None)
+                self._give_reason(hold.command, problem, since_s, hold.accepted_s is not None)
                 self._hold = None
             return
         if hold.asked or hold.accepted_s is None or state.manual or state.parked:
@@ -461,12 +461,12 @@ class Flight(ReportingVehicle):
         self._tell(answer)
 
     def _give_reason(
-        self, command: DeviceCommand, what: str, since_s: float, acknowledged: bool
+        self, command: DeviceCommand, problem: str, since_s: float, acknowledged: bool
     ) -> None:
         """Answer a refused command with the reason, and with the vehicle's texts of that time."""
         self._task, self.place = "holding", None
         status: ReplyStatus = "failed" if acknowledged else "refused"
-        self._answer(command, status, self._with_words(what, since_s - REASON_S))
+        self._answer(command, status, self._with_words(problem, since_s - REASON_S))
 
     def _report(self) -> AssetReport:
         fix, state, order = self.state.fix, self.state, self._order

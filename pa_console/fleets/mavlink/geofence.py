@@ -16,11 +16,10 @@ from pa_console.schema.world import World
 from pa_console.sim.worlds.geography import Geography
 
 SAME_E7 = 2
-"""The largest difference between equal corners, in 10^-7 degrees (2 cm), because autopilots round.
-"""
+"""The largest difference between matching corners, in 10^-7 degrees (2 cm); autopilots round."""
 
 ANSWER_S = 30.0
-"""The longest wait for the result of a transfer, in seconds; then it is tried again."""
+"""The longest wait for the result of a transfer, in seconds; then the transfer is tried again."""
 
 RETRY_S = 3.0
 """The time before a failed transfer is tried again, in seconds."""
@@ -30,7 +29,7 @@ VERTICES = (Cmd.FENCE_INSIDE, Cmd.FENCE_OUTSIDE)
 
 @dataclass(frozen=True)
 class FenceArea:
-    """An area of a geofence, to stay `inside` or outside of.
+    """An area of a geofence; the drone must stay in it if `inside` is True, else outside of it.
 
     Corners are latitude and longitude, in degrees times 10^7.
     """
@@ -57,16 +56,16 @@ def fence_of(world: World, geography: Geography) -> tuple[FenceArea, ...]:
     )
 
 
-def difference(areas: Sequence[FenceArea], found: Sequence[MavItem], geography: Geography) -> str:
+def difference(areas: Sequence[FenceArea], items: Sequence[MavItem], geography: Geography) -> str:
     """Return the first difference of a geofence from `areas`; '' if there is none."""
-    if not found:
+    if not items:
         return "it has none"
-    strange = next((item for item in found if item.command not in VERTICES), None)
+    strange = next((item for item in items if item.command not in VERTICES), None)
     if strange is not None:
         return f"it has an item of another kind (MAV_CMD {strange.command})"
     polygons = [
         polygon
-        for (_, corners), group in groupby(found, lambda item: (item.command, item.params[0]))
+        for (_, corners), group in groupby(items, lambda item: (item.command, item.params[0]))
         for polygon in _split(list(group), round(corners))
     ]
     for area, polygon in zip(areas, polygons, strict=False):
@@ -105,7 +104,7 @@ class FenceWatch:
     """The monitor of one drone's geofence, which uploads the world's geofence at most once.
 
     Later changes by others are reported but not corrected. They may have a reason, and two stations
-    that overwrite each other's geofence would leave none.
+    that overwrite each other's geofence would leave the drone without one.
     """
 
     def __init__(
@@ -120,7 +119,7 @@ class FenceWatch:
         self._areas, self._geography, self._autopilot = areas, geography, autopilot
         self._say, self._every_s = say, every_s
         self._asked: Literal["", "read", "upload", "enforce"] = ""
-        """The request that the drone has still to answer; other answers are ignored."""
+        """The request that the drone has not answered yet; any other answer is ignored."""
         self._until_s = 0.0
         self._why_not_upload = ""
         self._next_s = 0.0
@@ -139,7 +138,7 @@ class FenceWatch:
         self.pending = True
 
     def step(self, now_s: float, why_not_upload: str) -> None:
-        """Read the geofence when it is due; `why_not_upload` is a reason not to replace it."""
+        """Read the geofence if a check is due; `why_not_upload` is a reason not to replace it."""
         self._why_not_upload = why_not_upload
         if self._asked:
             if now_s < self._until_s:
@@ -179,7 +178,7 @@ class FenceWatch:
             return
         if problem:
             self._next_s = min(self._next_s, now_s + RETRY_S)
-            self._refuse(f"it does not take the geofence ({problem})", "alarm")
+            self._refuse(f"it does not accept the geofence ({problem})", "alarm")
             return
         self._uploaded = True
         self._ask("read", now_s)
@@ -205,16 +204,18 @@ class FenceWatch:
                 f"{count(len(first.corners), 'corner')}, {count(len(zones), 'closed zone')}",
             )
 
-    def _ask(self, what: Literal["read", "upload", "enforce"], now_s: float) -> None:
-        self._asked, self._until_s = what, now_s + ANSWER_S
+    def _ask(self, request: Literal["read", "upload", "enforce"], now_s: float) -> None:
+        self._asked, self._until_s = request, now_s + ANSWER_S
 
-    def _answered(self, what: str) -> bool:
-        """Return whether `what` was requested, and mark it as answered."""
-        asked, self._asked = self._asked == what, "" if self._asked == what else self._asked
-        return asked
+    def _answered(self, request: str) -> bool:
+        """Return whether `request` was made, and mark it as answered."""
+        if self._asked != request:
+            return False
+        self._asked = ""
+        return True
 
     def _refuse(self, problem: str, level: Level) -> None:
         self.pending = False
         if problem != self.problem:
             self.problem = problem
-            self._say(level, f"{problem}: it starts no flight")
+            self._say(level, f"{problem}: it may not start a flight")

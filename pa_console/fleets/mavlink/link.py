@@ -54,7 +54,7 @@ SCHEMES = (
 
 
 def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
-    """Open the link at `address`, which is FILE.yaml or URL#FILE.yaml with a URL of mavsdk.
+    """Open the link at `address`, which is FILE.yaml, or URL#FILE.yaml with a URL for mavsdk.
 
     Raises ValueError with a remedy if the address cannot be used or no vehicle answers.
     """
@@ -62,13 +62,13 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
     for url in urls:
         if "://" not in url or url.partition("://")[0] not in SCHEMES:
             raise ValueError(
-                f"--fleet mavlink:{address}: {url!r} is no connection; give udp://0.0.0.0:PORT to "
-                f"listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
+                f"--fleet mavlink:{address}: {url!r} is not a connection; give udp://0.0.0.0:PORT "
+                f"to listen, or one of {', '.join(f'{s}://' for s in SCHEMES)}"
             )
     if vehicles.origin is not None and world.origin not in (None, vehicles.origin):
         raise ValueError(
-            f"--fleet mavlink:{address}: the world {world.name!r} has another origin than the file "
-            "of the drones: remove one of them"
+            f"--fleet mavlink:{address}: the world {world.name!r} and the file of the drones have "
+            "different origins: remove one of them"
         )
     if vehicles.origin is not None:
         geography = Geography(vehicles.origin)
@@ -81,7 +81,7 @@ def open_link(address: str, world: World, settings: Settings) -> "MavlinkLink":
 
 
 def _found(address: str, world: World) -> tuple[tuple[str, ...], MavlinkVehicles]:
-    """Return the connections and the vehicles for `address`; raises ValueError if not valid."""
+    """Return the connections and the vehicles for `address`; raises ValueError if it is invalid."""
     url, _, file = address.rpartition("#") if "#" in address else ("", "", address)
     if "://" in file or not file:
         raise ValueError(
@@ -143,7 +143,7 @@ class MavlinkLink(ThreadedLink):
                 word = str(error).rpartition(": ")[2].lower().replace("_", " ")
                 raise ValueError(
                     f"--fleet mavlink:{url} cannot be opened ({word}): check the address, and "
-                    "whether another program has the port"
+                    "whether another program uses the port"
                 ) from None
         self._authorizer = ArmAuthorizerServer(self._mavsdk.server_component(0))
         self._authorizer.subscribe_arm_authorization(self._asked_to_arm)
@@ -210,14 +210,14 @@ class MavlinkLink(ThreadedLink):
             for autopilot, parameter in left:
                 self._post(partial(autopilot.read_parameter, parameter))
             time.sleep(READ_S)
-        found: list[LinkFinding] = []
+        findings: list[LinkFinding] = []
         for name in names:
             autopilot = self._autopilots[name]
-            found.append(readiness_finding(name, self._flights[name].readiness.why))
-            found += autopilot.messages.findings(name, time.monotonic())
+            findings.append(readiness_finding(name, self._flights[name].readiness.why))
+            findings += autopilot.messages.findings(name, time.monotonic())
             values = dict(autopilot.parameters)
-            found += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
-        return found
+            findings += [parameter.finding(name, values) for parameter in wanted.get(name, ())]
+        return findings
 
     def _unread(
         self, wanted: Mapping[str, Sequence[Parameter]]
@@ -263,7 +263,7 @@ class MavlinkLink(ThreadedLink):
         if flight is not None:
             flight.take(command)
         else:
-            text = "has not been heard: nothing can be sent to it"
+            text = "has not been heard yet: nothing can be sent to it"
             self._tell(LinkNotice("alarm", command.agent, text))
 
     def _step(self) -> None:
@@ -286,7 +286,7 @@ class MavlinkLink(ThreadedLink):
             self._tell(LinkNotice("info", name, "is heard again"))
             autopilot.ask_again()
         else:
-            self._tell(LinkNotice("warning", name, "is not heard any more"))
+            self._tell(LinkNotice("warning", name, "is no longer heard"))
             self._flights[name].heard = False
 
     def _look_round(self) -> None:
@@ -298,7 +298,7 @@ class MavlinkLink(ThreadedLink):
                 continue
             if name is None:
                 self._strangers.add(number)
-                text = f"system id {number} is heard and is in no file of drones: not commanded"
+                text = f"system id {number} is heard but not in the file of drones: not commanded"
                 self._tell(LinkNotice("warning", "mavlink", text))
                 continue
             kind = self._vehicles.vehicles[name].kind
@@ -331,14 +331,14 @@ class MavlinkLink(ThreadedLink):
         self._post(partial(self._authorize, system_id))
 
     def _authorize(self, system_id: int) -> None:
-        """Answer a vehicle's request to arm, which is accepted only for an order from here."""
+        """Answer a vehicle's request to arm; it is accepted only for an order from this station."""
         flight = self._flights.get(self._agent_of.get(system_id, ""))
         try:
             if flight is not None and flight.may_arm():
                 self._authorizer.accept_arm_authorization(ARMING_S)
             else:
                 self._authorizer.reject_arm_authorization(False, RejectionReason.GENERIC, 0)
-                text = "asked to be armed without an order from here: refused"
+                text = "asked to be armed without an order from this station: refused"
                 who = self._agent_of.get(system_id, "mavlink")
                 self._tell(LinkNotice("warning", who, text))
         except ArmAuthorizerServerError as error:

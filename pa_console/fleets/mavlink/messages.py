@@ -20,10 +20,10 @@ def needed_messages(kind: AssetKind, position_s: float) -> tuple[NeededMessage, 
     """Return the messages needed from a vehicle of `kind`, with a position every `position_s`."""
     lands = NeededMessage("EXTENDED_SYS_STATE", 1.0, "it counts as landed while disarmed", 245)
     return (
-        NeededMessage("HEARTBEAT", 1.0, "its mode is unknown, and it takes no orders", 0),
-        NeededMessage(POSITION, position_s, "its place is unknown, and it takes no orders", 33),
+        NeededMessage("HEARTBEAT", 1.0, "its mode is unknown, and it accepts no orders", 0),
+        NeededMessage(POSITION, position_s, "its place is unknown, and it accepts no orders", 33),
         NeededMessage(
-            "SYS_STATUS", 1.0, "its battery counts as low, and why it does not arm is unknown", 1
+            "SYS_STATUS", 1.0, "its battery counts as low, and its arming checks are unknown", 1
         ),
         *((lands,) if kind == "uav" else ()),
         NeededMessage(

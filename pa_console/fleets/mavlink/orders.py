@@ -18,7 +18,7 @@ from pa_console.sim.worlds.geography import Geography
 from pa_console.sim.worlds.terrain import Terrain
 
 UNANSWERED_S = 3.0
-"""The longest wait for the answer of mavsdk to a hold, in seconds; later, none arrives."""
+"""The longest wait for the answer of mavsdk to a hold, in seconds; no answer arrives later."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class OrderPlanner:
     def plan(
         self, command: DeviceCommand, state: DroneState, fix: Fix, kind: Kind, now_s: float
     ) -> FlightOrder | str:
-        """Return the order that carries out `command` from `fix`, or the reason if none can."""
+        """Return the order that carries out `command` from `fix`, or the reason why none can."""
         route: tuple[Point, ...] = ()
         altitude, flies = max(fix.altitude_m, self.vehicles.floor_m), self.asset_kind == "uav"
         # A drone returns with its autopilot's own function. A ground vehicle would drive home in a
@@ -173,7 +173,7 @@ class OrderPlanner:
         heights_m: tuple[float, float],
         route: Sequence[Point],
     ) -> list[Step]:
-        """Return the steps for a drone; `heights_m` are its heights above home and sea level."""
+        """Return the steps for a drone; `heights_m` are heights above home and above sea level."""
         altitude, msl_m = heights_m
         interest = self._interest(command.target or "") if command.verb == "observe" else None
         way: list[Degrees] = [self.geography.degrees(at) for at in route]

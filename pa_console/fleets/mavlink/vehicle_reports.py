@@ -31,7 +31,7 @@ MOST_TEXTS = 512
 """The largest number of different notices in REPEAT_TEXT_S; further ones are dropped."""
 
 COMPLETE_S = 5.0
-"""The wait for the battery level and the landed state, in seconds; then both may be missing."""
+"""The longest wait for the battery level and the landed state, in seconds; both are optional."""
 
 NO_ESTIMATE = "it has no position estimate yet"
 
@@ -83,7 +83,7 @@ class ReportingVehicle(ABC):
         self.fence.uploaded(problem, self._now())
 
     def home_at(self, latitude: float, longitude: float) -> None:
-        """Process the home position, where the vehicle returns; report one away from the base."""
+        """Process the home position, where the vehicle returns; warn if it is not at the base."""
         home = self._geography.near(latitude, longitude)
         if home is None:
             return
@@ -105,7 +105,7 @@ class ReportingVehicle(ABC):
             self._give_up("it has started again")
         state, before = self.state, self.state.fix
         if problem := state.positioned(message, arrived):
-            self._say_now_and_then("alarm", f"{problem}: not believed")
+            self._say_now_and_then("alarm", f"{problem}: ignored")
         elif state.fix is not None and state.fix is not before and self._complete():
             self._seen()
 
@@ -140,7 +140,7 @@ class ReportingVehicle(ABC):
     def health(self, ok: bool) -> None:
         """Process the health of the sensors; in the first seconds, bad health is ignored.
 
-        The autopilot has not reported on all sensors by then.
+        In this time, the autopilot has not yet reported on all sensors.
         """
         since_s = self._now() - self._first_s if self._first_s is not None else 0.0
         self._known_healthy |= ok
@@ -155,11 +155,11 @@ class ReportingVehicle(ABC):
             self._say_now_and_then(level, f"says: {line.text}")
 
     def _defect(self) -> str:
-        """Return why the vehicle takes no orders except a report and a hold; '' if it does."""
+        """Return why the vehicle accepts only a report and a hold; '' if this does not apply."""
         if self._found_kind != self._kind:
             return f"it is a {self._found_kind} by its heartbeat, and a {self._kind} in the file"
         if not self._complete():
-            return "it has not reported everything yet: where it is, its mode, whether it flies"
+            return "it has not reported everything yet: its position, its mode, whether it flies"
         return "it reports an emergency" if self.state.status == "failed" else ""
 
     def _why_grounded(self, command: DeviceCommand) -> str:
@@ -167,13 +167,13 @@ class ReportingVehicle(ABC):
         state = self.state
         goes_home = command.verb == "return_to_base" and not state.landed
         if self.fence.problem and not goes_home:
-            return f"{self.fence.problem}: it starts no flight"
+            return f"{self.fence.problem}: it may not start a flight"
         if state.parked and (why := state.prearm_problem(self._now())):
             return f"not ready: {why}"
         return ""
 
     def _note_readiness(self, now: float) -> None:
-        """Update the reasons why the vehicle cannot start yet, and request its own reasons."""
+        """Update the reasons why the vehicle cannot start yet; ask the vehicle for its own."""
         state = self.state
         parts: list[str] = []
         if self.heard and state.parked:
@@ -205,9 +205,9 @@ class ReportingVehicle(ABC):
         else:
             self._say("info", f"is no longer flown by a pilot ({self.state.mode})")
 
-    def _with_words(self, what: str, since_s: float) -> str:
+    def _with_words(self, problem: str, since_s: float) -> str:
         words = "; ".join(list(dict.fromkeys(self.state.reasons(since_s)))[:2])
-        return f"{what}: {words}" if words else what
+        return f"{problem}: {words}" if words else problem
 
     def _say_now_and_then(self, level: Level, text: str) -> None:
         """Emit a notice, unless an equal one was emitted within REPEAT_TEXT_S."""
@@ -250,10 +250,10 @@ class ReportingVehicle(ABC):
         """Return a short report of the vehicle: place, height, mode, battery and geofence."""
         fix, state = self.state.fix, self.state
         if fix is None:
-            return "it has not reported where it is"
+            return "it has not reported its position"
         at = self._terrain.frame_at(*fix.at)
         battery = f"{state.battery_pct:.0f} %" if state.battery_pct is not None else "unknown"
-        fence = self.fence.problem or "geofence as the world's"
+        fence = self.fence.problem or "geofence as in the world"
         return (
             f"{f'at {at}' if at else 'between frames'}, {fix.altitude_m:.0f} m up, {state.mode}, "
             f"{'armed' if state.armed else 'disarmed'}, battery {battery}, {fence}"

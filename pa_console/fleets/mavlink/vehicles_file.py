@@ -43,7 +43,7 @@ class MavlinkVehicles(StrictModel):
     connection: str | tuple[str, ...] = Field(
         default="", description="one or several, used when the file itself is the address"
     )
-    origin: Origin | None = Field(default=None, description="for a world that has none")
+    origin: Origin | None = Field(default=None, description="for a world that has no origin")
     floor_m: Altitude = 5.0
     ceiling_m: Altitude = 100.0
     altitude_m: Altitude = 20.0
@@ -55,7 +55,7 @@ class MavlinkVehicles(StrictModel):
     vehicles: dict[Name, VehicleSpec] = Field(min_length=1, max_length=MOST_VEHICLES)
 
     def altitude(self, agent: str, verb: FlownVerb) -> float:
-        """Return the altitude at which `agent` carries out `verb`, the most specific one."""
+        """Return the altitude from the most specific setting for `agent` and `verb`."""
         own = self.vehicles[agent]
         fallback = self.altitudes_m.get(verb, self.altitude_m)
         return own.altitudes_m.get(verb, own.altitude_m or fallback)
@@ -88,7 +88,7 @@ def read_vehicles(path: Path, world: World) -> MavlinkVehicles:
             )
             raise document.error(field, problem)
         if (other := owners.setdefault(vehicle.system_id, agent)) != agent:
-            problem = f"{vehicle.system_id} is the system id of {other} too: each has its own"
+            problem = f"{vehicle.system_id} is the system id of {other} too: give each one its own"
             raise document.error((*field, "system_id"), problem)
         for verb in ("move_to", "observe") if vehicle.kind == "uav" else ():
             height = vehicles.altitude(agent, verb)

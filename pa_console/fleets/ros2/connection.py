@@ -24,14 +24,14 @@ class RobotEntry(StrictModel):
     """One robot; names that begin with `/` are absolute, other names are in its namespace."""
 
     namespace: str | None = Field(
-        default=None, pattern=rf"^/?$|{_NAME}", description="its asset's name by default"
+        default=None, pattern=rf"^/?$|{_NAME}", description="by default, the asset's name"
     )
     can: tuple[Verb, ...] | None = Field(
         default=None,
-        description="what it is able to do; going to places if left out, hold and report always",
+        description="its commands besides hold and report; by default, going to places",
     )
     trees: dict[Verb, str] = Field(
-        default={}, description="behaviour trees, files on the robot, for what is not only driving"
+        default={}, description="behaviour trees, files on the robot, for more than driving"
     )
     action: str = Field(default="navigate_to_pose", pattern=_NAME)
     stops: tuple[str, ...] = Field(
@@ -39,9 +39,9 @@ class RobotEntry(StrictModel):
         description="further actions whose goals a hold cancels",
     )
     pose: Literal["tf", "odom", "amcl_pose"] = Field(
-        default="tf", description="where its place is read; odom only if that is the map"
+        default="tf", description="the source of its place; odom only if it is on the map"
     )
-    tf: str = Field(default="tf", pattern=_NAME, description="/tf for robots that share one")
+    tf: str = Field(default="tf", pattern=_NAME, description="/tf for robots that share it")
     odom: str = Field(default="odom", pattern=_NAME)
     map_frame: str = "map"
     base_frame: str = "base_link"
@@ -57,7 +57,7 @@ class RobotEntry(StrictModel):
     )
     clock: Literal["robot", "arrival"] = Field(
         default="robot",
-        description="arrival for a robot on simulated time: a report is then of when it came",
+        description="arrival for a robot on simulated time: reports are dated by their arrival",
     )
 
     @property
@@ -75,13 +75,13 @@ class Connection(StrictModel):
     """The content of a connection file."""
 
     domain: int | None = Field(
-        default=None, ge=0, le=232, description="ROS_DOMAIN_ID; that of the environment by default"
+        default=None, ge=0, le=232, description="ROS_DOMAIN_ID; by default, from the environment"
     )
     frames: dict[Name, Point] = Field(
-        min_length=2, description="where the robots' map has frames of the world, metres"
+        min_length=2, description="the places of the world's frames on the robots' map, metres"
     )
     off_by_m: Positive = Field(
-        default=1.0, description="the map may put a frame this far from where the world has it"
+        default=1.0, description="the largest distance between a frame on the map and in the world"
     )
     map: str | None = Field(
         default="/map",
@@ -123,12 +123,12 @@ def read_site(path: Path, world: World) -> RobotSite:
     for name in connection.frames:
         if name not in world.frames:
             frames = ", ".join(world.frames)
-            raise document.error(("frames", name), f"no frame of {world.name}; it has {frames}")
+            raise document.error(("frames", name), f"not a frame of {world.name}; it has {frames}")
     for name, robot in connection.robots.items():
         if name not in world.assets:
             raise document.error(
                 ("robots", name),
-                f"no asset of {world.name}; add it to the world file, or take it out here",
+                f"not an asset of {world.name}; add it to the world file, or take it out here",
             )
         kind = world.assets[name].kind
         for verb in robot.trees:
@@ -154,8 +154,8 @@ def read_site(path: Path, world: World) -> RobotSite:
 class MapFit:
     """The place of the robots' map in the world, as a rotation and a translation.
 
-    The map is not scaled, because both are in metres. A difference in scale is an error of
-    measurement and appears as a distance in `worst`.
+    The map is not scaled, because the map and the world are in metres. A difference in scale is an
+    error of measurement and appears as a distance in `worst`.
     """
 
     turn: float
@@ -167,7 +167,7 @@ class MapFit:
 
     @classmethod
     def of(cls, on_map: dict[str, Point], in_world: dict[str, Point]) -> Self:
-        """Return the best fit (least squares) of two or more frames, given on both maps."""
+        """Return the best fit (least squares) of two or more frames, with places on both maps."""
         there = {name: complex(*at) for name, at in on_map.items()}
         here = {name: complex(*in_world[name]) for name in on_map}
         middle = sum(there.values()) / len(there)

@@ -63,7 +63,7 @@ class Ros2Link(ThreadedLink):
 
     @property
     def problem(self) -> str:
-        """The reason why no robot can be commanded; '' while one can."""
+        """The reason why no robot can be commanded; '' while at least one can."""
         actions = [robot.server.action for robot in self._robots.values()]
         if any(self._node.servers.get(action) for action in actions):
             return ""
@@ -77,16 +77,16 @@ class Ros2Link(ThreadedLink):
     def discover(self) -> Sequence[FoundRobot]:
         """Return a robot for each action server `NavigateToPose` in the domain."""
         named = {robot.server.action: robot for robot in self._robots.values()}
-        found: list[FoundRobot] = []
+        robots: list[FoundRobot] = []
         for action in sorted(action for action, count in self._node.servers.items() if count):
             if (robot := named.get(action)) is None:
                 name = action.rpartition("/")[0].strip("/").replace("/", "_")
-                found.append(FoundRobot(name, "robot", None, f"ROS 2, {action}"))
+                robots.append(FoundRobot(name, "robot", None, f"ROS 2, {action}"))
                 continue
             kind, seen = self._site.world.assets[robot.name].kind, robot.navigator.seen
             at = seen.at if seen is not None else None
-            found.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
-        return found
+            robots.append(FoundRobot(robot.name, kind, at, f"ROS 2, {action}"))
+        return robots
 
     def image_on(self, topic: str, limit_s: float = MOST_S) -> bytes:
         """Return the next image on `topic`; raises SnapshotError if there is no valid image."""
@@ -112,7 +112,7 @@ class Ros2Link(ThreadedLink):
         if (topic := self._site.connection.map) is not None:
             maps = LinkFinding("all", topic, f"{self._maps} so far" if self._maps else "never")
             wanted = "once, from map_server or SLAM, or set 'map: null'"
-            findings.append(maps.unless(self._maps, wanted, "the console draws no map of theirs"))
+            findings.append(maps.unless(self._maps, wanted, "the console does not draw their map"))
         return findings
 
     def close(self) -> None:
@@ -120,7 +120,7 @@ class Ros2Link(ThreadedLink):
         self._node.close()
 
     def _send(self) -> None:
-        """Send the waiting commands; a motion that waits with a later hold is refused."""
+        """Send the waiting commands; a motion is refused if a later hold waits with it."""
         waiting = [self._commands.popleft() for _ in range(len(self._commands))]
         for place, command in enumerate(waiting):
             held = {later.agent for later in waiting[place:] if later.verb == "hold"}

@@ -31,7 +31,7 @@ class Localization:
     def see_transforms(
         self, transforms: Iterable[Stamped], now_s: float, *, fixed: bool = False
     ) -> None:
-        """Process transforms; one that is older than the known one of its frame is ignored.
+        """Process transforms; a transform older than the last one of its frame is ignored.
 
         A `fixed` transform is valid at any time and does not determine the time of the place.
         """
@@ -43,19 +43,19 @@ class Localization:
                 continue
             if before is None or transform.stamp >= before.stamp:
                 self._parents[transform.child] = transform
-        if (found := self._chain()) is not None:
-            self.move(*found, now_s)
+        if (chain := self._chain()) is not None:
+            self.move(*chain, now_s)
 
     def move(self, pose: Planar, stamp: float, now_s: float) -> None:
-        """Set the place of the robot, unless it is older than the known one."""
+        """Set the place of the robot, unless it is older than the current one."""
         if self.place is None or stamp > self.place.stamp:
             self.place = Place(pose, stamp, now_s)
 
     def _chain(self) -> tuple[Planar, float] | None:
         """Return the robot's pose on the map and its time; None while a transform is missing.
 
-        The time is that of the first transform from the robot that is not fixed. It is not that of
-        the map's transform, because localization stamps that with a time in the future.
+        The time is that of the first transform, counted from the robot, that is not fixed. The time
+        of the map's transform is not used, because localization dates it in the future.
         """
         pose, stamp, frame = Planar(0.0, 0.0, 0.0), 0.0, self._base
         for _ in range(len(self._parents)):

@@ -22,7 +22,7 @@ MOST_ITEMS = 4096
 """The largest accepted length of a sequence in a message."""
 
 MOST_CELLS = 4_000_000
-"""The largest accepted number of cells of a map, which is 100 m by 100 m at 5 cm."""
+"""The largest accepted number of cells of a map, enough for 100 m by 100 m at 5 cm."""
 
 CELL_M = (0.005, 10.0)
 """The smallest and the largest accepted cell of a map, in metres."""
@@ -50,7 +50,7 @@ class Planar(NamedTuple):
     yaw: float
 
     def then(self, inner: "Planar") -> "Planar":
-        """Return `inner`, a pose relative to this one, in the frame in which this one is given."""
+        """Convert `inner`, a pose relative to this one, to the frame in which this one is given."""
         cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
         return Planar(
             self.x + cosine * inner.x - sine * inner.y,
@@ -154,11 +154,11 @@ def read_grid(message: Any) -> Grid:
     info = message.info
     width, height, cell_m = int(info.width), int(info.height), _number(info.resolution)
     if not 0 < width * height <= MOST_CELLS:
-        raise UnreadableError(f"{width} x {height} cells are not read, at most {MOST_CELLS}")
+        raise UnreadableError(f"{width} x {height} cells are not read, but at most {MOST_CELLS}")
     if len(message.data) != width * height:
         raise UnreadableError(f"it has {len(message.data)} of {width * height} cells")
     if not CELL_M[0] <= cell_m <= CELL_M[1]:
-        raise UnreadableError(f"a cell of {cell_m:g} m is no cell of a map")
+        raise UnreadableError(f"a cell of {cell_m:g} m is not a cell of a map")
     corner = _planar(info.origin.position, info.origin.orientation)
     cells = np.asarray(message.data, np.int8).reshape(height, width)[::-1]
     occupied, free = (cells >= OCCUPIED) & (cells <= 100), (cells >= 0) & (cells <= FREE)
@@ -168,7 +168,7 @@ def read_grid(message: Any) -> Grid:
 def _number(value: float) -> float:
     """Return `value`; raises UnreadableError if it is not finite."""
     if not math.isfinite(value):
-        raise UnreadableError(f"a number in it is {value}")
+        raise UnreadableError(f"it contains the number {value}")
     return value
 
 
@@ -181,10 +181,10 @@ def _few(items: Any) -> Any:
 def _planar(position: Any, turned: Any) -> Planar:
     x, y = _number(position.x), _number(position.y)
     if max(abs(x), abs(y)) > FARTHEST_M:
-        raise UnreadableError(f"({x:g}, {y:g}) is no place on a map")
+        raise UnreadableError(f"({x:g}, {y:g}) is not a place on a map")
     qx, qy, qz, qw = (_number(value) for value in (turned.x, turned.y, turned.z, turned.w))
     if not 0.5 < qx * qx + qy * qy + qz * qz + qw * qw < 2.0:
-        raise UnreadableError("its direction is no rotation")
+        raise UnreadableError("its direction is not a rotation")
     yaw = math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
     return Planar(x, y, yaw)
 

@@ -63,13 +63,13 @@ class _Goal:
     """The reason why the console itself ends the order; '' if it does not."""
     arrived_s: float | None = None
     """The time at which the robot reported its arrival."""
-    said: DeviceAnswer | None = None
+    answer: DeviceAnswer | None = None
     """The last answer to the command."""
 
     @property
     def over(self) -> bool:
         """True once the command has its final answer."""
-        return self.said is not None and self.said.status in FINAL_REPLIES
+        return self.answer is not None and self.answer.status in FINAL_REPLIES
 
 
 @dataclass
@@ -121,9 +121,9 @@ class Navigator:
         """Send `command`, or repeat the last answer if it was sent before."""
         if command.verb == "hold":
             self._stop(command)
-        elif (known := self._goals.get(command.command_id)) is not None:
-            if known.said is not None:
-                self.answer(known.said)
+        elif (goal := self._goals.get(command.command_id)) is not None:
+            if goal.answer is not None:
+                self.answer(goal.answer)
         elif command.verb == "report":
             self._say(command, "acknowledged")
             self._reports[command] = self.clock()
@@ -174,13 +174,13 @@ class Navigator:
         if self.manual:
             return "a person steers it"
         if command.verb not in self.entry.able:
-            return f"it is not able to {command.verb}: its connection file does not name that"
+            return f"it is not able to {command.verb}: its connection file does not list it"
         if command.target is not None and command.target not in self.site.world.frames:
             return f"there is no frame {command.target}"
         if servers > 1:
             return f"{servers} action servers are called {action}: stop all but one"
         if not servers:
-            return f"no action server {action} is there"
+            return f"there is no action server {action}"
         return f"not ready: {self.not_ready}" if self.not_ready else ""
 
     def _running(self) -> _Goal | None:
@@ -191,9 +191,9 @@ class Navigator:
         return None
 
     def _order(self, command: DeviceCommand) -> None:
-        """Replace the robot's goal by a new one.
+        """Replace the robot's goal with a new one.
 
-        Nav2 replaces its goal by itself if both goals have the same behaviour tree. Otherwise it
+        Nav2 replaces its goal by itself if both goals have the same behaviour tree. Otherwise, it
         would keep the old goal, so the old goal is cancelled first.
         """
         running, self._waiting, self._hold = self._running(), None, None
@@ -213,7 +213,7 @@ class Navigator:
             self._go(goal)
 
     def _supersede(self, cause: str) -> None:
-        """Set the reason why all orders so far end; an order that was not sent ends at once."""
+        """Set the reason why the unfinished orders end; an order that was not sent ends at once."""
         for goal in self._goals.values():
             if not goal.over:
                 goal.cause = cause
@@ -255,9 +255,9 @@ class Navigator:
             return
         state, error = result or (ACTIVE[0], "")
         if state == UNKNOWN:
-            why = "it does not know the goal any more: was it started again?"
+            why = "it no longer knows the goal: was it restarted?"
             if not goal.accepted:
-                why = goal.cause or "it never answered: the goal got lost, and is not sent again"
+                why = goal.cause or "it never answered: the goal was lost, and is not sent again"
             self._answer(goal, "failed", why)
         elif state in ACTIVE:
             self._ask(goal)
@@ -267,12 +267,12 @@ class Navigator:
                 goal.arrived_s = self.clock()
                 self._arrive(goal, 0.0)
             else:
-                why = error or "it gave up and gives no reason"
-                why = "cancelled by somebody else" if state == CANCELED else why
+                why = error or "it gave up without giving a reason"
+                why = "cancelled by another program" if state == CANCELED else why
                 self._answer(goal, "failed", goal.cause or why)
 
     def _arrive(self, goal: _Goal, waited_s: float) -> None:
-        """Answer that the robot has arrived if its place confirms it.
+        """Answer that the robot has arrived, if its place confirms the arrival.
 
         The order fails if the place does not confirm the arrival within ARRIVED_S.
         """
@@ -285,8 +285,9 @@ class Navigator:
             self._stays = COMMANDS[goal.command.verb].task or "idle"
             self._answer(goal, "done", f"at {goal.frame}")
         elif waited_s >= ARRIVED_S:
-            where = f"reports itself {off_m:.0f} m away" if math.isfinite(off_m) else "is not seen"
-            self._answer(goal, "failed", f"it says that it is at {goal.frame}, but {where}")
+            where = f"{off_m:.0f} m away" if math.isfinite(off_m) else "unknown"
+            why = f"it reports its arrival at {goal.frame}, but its place is {where}"
+            self._answer(goal, "failed", why)
 
     # Holds
 
@@ -311,7 +312,7 @@ class Navigator:
             self._say(hold, "acknowledged")
 
     def _answer(self, goal: _Goal, status: ReplyStatus, detail: str = "") -> None:
-        goal.said = self._say(goal.command, status, detail)
+        goal.answer = self._say(goal.command, status, detail)
 
     def _say(self, command: DeviceCommand, status: ReplyStatus, detail: str = "") -> DeviceAnswer:
         answer = DeviceAnswer(command.command_id, self.name, status, detail)

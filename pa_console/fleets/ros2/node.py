@@ -110,7 +110,7 @@ class RosNode:
         depth: int = 50,
         raw: bool = False,
     ) -> Any:
-        """Return a subscription to a topic; `kept` topics deliver their last message at once.
+        """Return a subscription to a topic; if the topic is `kept`, its last message comes at once.
 
         If messages arrive too fast, only the last `depth` messages are processed. A `raw` message
         is passed to `take` as it was received, in bytes.
@@ -127,7 +127,7 @@ class RosNode:
     def next_message(self, topic: str, kind: str, most_bytes: int, limit_s: float) -> Any:
         """Return the next message on a topic; waits in the caller's thread.
 
-        The topic is subscribed to only for this time. Raises TimeoutError after `limit_s`, and
+        The topic is subscribed to only during the wait. Raises TimeoutError after `limit_s`, and
         UnreadableError for a message of more than `most_bytes`.
         """
         arrived: Future[bytes] = Future()
@@ -149,7 +149,7 @@ class RosNode:
     def call(
         self, client: Any, request: Any, limit_s: float, then: Then, late_s: float = 0.0
     ) -> None:
-        """Call a service; `then` gets the answer, or None if there is none within `limit_s`.
+        """Call a service; `then` gets the answer, or None if no answer arrives within `limit_s`.
 
         After None, `then` still gets an answer that is at most `late_s` late.
         """
@@ -218,7 +218,7 @@ class ManagedNode:
             _GetState, self._service
         )
         request = _GetState.Request()
-        self._node.call(client, request, CALL_S, lambda said: then(said and read_state(said)))
+        self._node.call(client, request, CALL_S, lambda answer: then(answer and read_state(answer)))
 
 
 class Nav2Server:
@@ -248,7 +248,9 @@ class Nav2Server:
         stamped.pose.position.x, stamped.pose.position.y = at.x, at.y
         turned = stamped.pose.orientation
         turned.z, turned.w = math.sin(at.yaw / 2), math.cos(at.yaw / 2)
-        self._node.call(self._goals, request, CALL_S, lambda said: then(said and said.accepted))
+        self._node.call(
+            self._goals, request, CALL_S, lambda answer: then(answer and answer.accepted)
+        )
 
     def cancel(self, goal_id: bytes | None, then: Callable[[int | None], None]) -> None:
         """Cancel a goal, or all goals of all clients; `then` gets a `CancelGoal` return code."""
@@ -256,7 +258,7 @@ class Nav2Server:
         request.goal_info.goal_id.uuid = list(goal_id or bytes(16))
         own, *others = self._cancels
         self._node.call(
-            own, request, CANCEL_S, lambda said: then(said and said.return_code), LATE_S
+            own, request, CANCEL_S, lambda answer: then(answer and answer.return_code), LATE_S
         )
         for other in others if goal_id is None else ():
             self._node.call(other, request, CALL_S, lambda _: None)
@@ -269,5 +271,5 @@ class Nav2Server:
         request = _Impl.GetResultService.Request()
         request.goal_id.uuid = list(goal_id)
         self._node.call(
-            self._results, request, RESULT_S, lambda said: then(said and read_result(said))
+            self._results, request, RESULT_S, lambda answer: then(answer and read_result(answer))
         )

@@ -130,12 +130,12 @@ class Robot:
         if self._servers < before:  # the goals of a server end with it
             self.navigator.see_states({})
         if self._servers > max(before, 1):
-            text = f"{self._servers} action servers are called {action}: nothing but a hold is sent"
+            text = f"{self._servers} action servers are called {action}: only holds are sent"
             self._say("alarm", text)
         elif self._servers == 0 < before:
             self._say("alarm", f"its action server {action} is gone")
         elif self._servers > before:
-            self._say("info", f"its action server {action} is there")
+            self._say("info", f"its action server {action} has appeared")
 
     def _see_state(self, name: str, state: str | None) -> None:
         """Store the state of a managed node; a robot without the node never answers."""
@@ -145,15 +145,15 @@ class Robot:
     def _lacks(self, now_s: float) -> Iterator[str]:
         """Yield the reasons why the robot cannot start.
 
-        A robot without any sign of life yields none, because it is lost and not unready.
+        A robot without any sign of life yields none, because it counts as lost, not as unready.
         """
         watch, since_s = self._watch, now_s - SILENT_S
         if watch.began_s > since_s or not self._is_heard(since_s):
             return
         missing = [need.name for need in watch.missing(now_s) if need.patience_s == SILENT_S]
         if not self._servers:
-            yield f"no action server {self.server.action} is there"
-        yield from (f"nothing comes on {topic}" for topic in missing)
+            yield f"there is no action server {self.server.action}"
+        yield from (f"no messages arrive on {topic}" for topic in missing)
         if self._entry.pose == "tf" and not (missing or self._is_placed(since_s)):
             yield f"no transform leads from {self._entry.map_frame} to {self._entry.base_frame}"
         yield from (f"{node} is {s}" for node, s in self._states.items() if s != ACTIVE_STATE)
@@ -172,10 +172,10 @@ class Robot:
     def examine(self) -> Iterator[LinkFinding]:
         """Yield findings about the robot: readiness, action servers, messages, place, nodes."""
         heard = self._is_heard(time.monotonic() - SILENT_S)
-        yield readiness_finding(self.name, self.readiness.why if heard else "nothing comes from it")
+        yield readiness_finding(self.name, self.readiness.why if heard else "it sends nothing")
         servers, action = self.server.servers, self.server.action
         alone = LinkFinding(self.name, action, count(servers, "action server"))
-        yield alone.unless(servers == 1, "1, of bt_navigator", "it takes no goals")
+        yield alone.unless(servers == 1, "1, of bt_navigator", "it accepts no goals")
         yield from self._watch.findings(self.name, time.monotonic())
         entry, seen = self._entry, self.navigator.seen
         at = f"at ({seen.at[0]:.1f}, {seen.at[1]:.1f})" if seen is not None else "unknown"
@@ -183,7 +183,7 @@ class Robot:
         yield place.unless(seen, "transforms, from AMCL or SLAM", "it is not shown")
         for node, state in dict(self._states).items():
             managed = LinkFinding(self.name, node, state)
-            yield managed.unless(state == ACTIVE_STATE, ACTIVE_STATE, "it starts nothing")
+            yield managed.unless(state == ACTIVE_STATE, ACTIVE_STATE, "it cannot start")
 
     def _take(self, topic: str, take: Callable[[Any], None], message: Any) -> None:
         """Process one message; an invalid message is reported and otherwise ignored."""
@@ -227,9 +227,9 @@ class Robot:
         self._report()
 
     def _stamped(self, pose: Stamped) -> Stamped:
-        """Return `pose` with the time to use for it, in seconds (UTC).
+        """Return `pose` with the time that applies to it, in seconds (UTC).
 
-        Raises UnreadableError if its clock is ahead by more than AHEAD_S.
+        Raises UnreadableError if the robot's clock is ahead by more than AHEAD_S.
         """
         now = time.time()
         if self._entry.clock == "arrival":
@@ -252,7 +252,7 @@ class Robot:
         pose = self._site.fit.to_world(place.pose)
         arrived_s = min(place.arrived_s, self._speed_s)
         self.navigator.seen = Seen((pose.x, pose.y), self._speed_mps, arrived_s)
-        # A report may be a little early. To wait for a full period would skip every other report.
+        # A report may come a little early. Waiting for a full period would skip every other report.
         if place.stamp - self._reported_stamp < 0.9 * self._site.world.telemetry_period_s:
             return
         self._reported_stamp = place.stamp

@@ -89,7 +89,7 @@ class SeenRobot(Wire):
 
 
 class Detections(Header):
-    """The detections of one sensor; `works` is False if the sensor is a camera out of order."""
+    """The detections of one sensor; `works` is False if it is a camera out of order."""
 
     TOPIC: ClassVar[str] = "detections"
     works: bool = True
@@ -148,7 +148,7 @@ class ClockDone(ClockMessage):
 
 
 class IncidentMessage(Header):
-    """The station's request for an incident at a simulated site, an Incident as JSON."""
+    """The station's request for an incident at a simulated site, with the Incident as JSON."""
 
     TOPIC: ClassVar[str] = "incident"
     number: Count
@@ -200,7 +200,7 @@ SIGNED: tuple[type[SignedMessage], ...] = (SignedRoster, SignedRevocation, Signe
 
 
 class SessionRecords(Header):
-    """Consecutive records of a session log, for which the station vouches.
+    """Consecutive records of a session log, confirmed by the station's signature.
 
     `packed` is their lines with line ends, as zlib data in base64. `signature` is a JWT of the
     station.

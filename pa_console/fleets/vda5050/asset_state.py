@@ -36,22 +36,22 @@ _DOING: Mapping[str, Task] = {
 
 
 def state_of(
-    said: AssetTelemetry,
+    report: AssetTelemetry,
     vehicle: Vehicle,
     header_id: int,
     sent: datetime,
     zone_sets: tuple[KnownZoneSet, ...] = (),
 ) -> RobotState:
-    """Return the state message of `vehicle`, from its own report `said`, sent at `sent` (UTC)."""
+    """Return the state message of `vehicle`, from its own `report`, sent at `sent` (UTC)."""
     nodes, edges = vehicle.way_ahead()
     errors = list(vehicle.errors)
-    if said.status == "failed":
+    if report.status == "failed":
         errors.append(Error(error_type=BROKEN, error_level="FATAL"))
-    elif said.status == "degraded":
+    elif report.status == "degraded":
         errors.append(Error(error_type=IMPAIRED, error_level="URGENT"))
     path = None
-    if said.route:
-        points = tuple(ControlPoint(x=x, y=y) for x, y in (said.position, *said.route))
+    if report.route:
+        points = tuple(ControlPoint(x=x, y=y) for x, y in (report.position, *report.route))
         path = PlannedPath(trajectory=Trajectory(control_points=points))
     return RobotState(
         header_id=header_id,
@@ -60,30 +60,30 @@ def state_of(
         serial_number=vehicle.identity.serial_number,
         order_id=vehicle.order_id,
         order_update_id=0,
-        last_node_id=said.post or "",
+        last_node_id=report.post or "",
         last_node_sequence_id=0,
         node_states=nodes,
         edge_states=edges,
-        driving=said.speed_mps > 0.0,
+        driving=report.speed_mps > 0.0,
         paused=vehicle.paused,
         action_states=vehicle.action_states,
         instant_action_states=vehicle.instant_action_states,
         power_supply=PowerSupply(
-            state_of_charge=said.battery_pct, charging=said.task == "charging"
+            state_of_charge=report.battery_pct, charging=report.task == "charging"
         ),
-        operating_mode="MANUAL" if said.manual else "AUTOMATIC",
+        operating_mode="MANUAL" if report.manual else "AUTOMATIC",
         errors=tuple(errors),
         safety_state=SafetyState(),
         planned_path=path,
         mobile_robot_position=RobotPosition(
-            x=said.position[0],
-            y=said.position[1],
-            theta=math.remainder(math.radians(said.heading_deg), math.tau),
+            x=report.position[0],
+            y=report.position[1],
+            theta=math.remainder(math.radians(report.heading_deg), math.tau),
             localized=True,
         ),
-        velocity=Velocity(vx=said.speed_mps, vy=0.0),
+        velocity=Velocity(vx=report.speed_mps, vy=0.0),
         zone_sets=zone_sets,
-        information=(Info(info_type=TASK, info_descriptor=said.task),),
+        information=(Info(info_type=TASK, info_descriptor=report.task),),
     )
 
 
@@ -130,7 +130,7 @@ def telemetry_of(
 
 
 def faults_of(state: RobotState) -> Iterator[str]:
-    """Yield the faults for which a robot counts as failed."""
+    """Yield the faults because of which a robot counts as failed."""
     if state.operating_mode in ("STARTUP", "SERVICE"):
         yield f"its operating mode is {state.operating_mode}"
     if (stop := state.safety_state.active_emergency_stop) != "NONE":
@@ -148,7 +148,7 @@ def _status(state: RobotState) -> AssetStatus:
 
 
 def _post(state: RobotState, terrain: Terrain) -> str | None:
-    """Return the frame where the robot is or to which it goes; None if it is not in the world."""
+    """Return the frame where the robot is or to which it goes; None if the world lacks it."""
     name = state.node_states[-1].node_id if state.node_states else state.last_node_id
     return name if name in terrain.world.frames else None
 

@@ -1,6 +1,6 @@
 """The broker of a site: its address, the certificates of its clients, and a connection to it.
 
-A broken connection is made again in the background. A message that cannot be sent at once is
+A broken connection is restored in the background. A message that cannot be sent at once is
 dropped, because a late order is worse than none. The sender finds out from the answers whether a
 message arrived, and sends it again if necessary.
 """
@@ -85,7 +85,7 @@ class Credentials:
         for path in (credentials.ca, credentials.certificate, credentials.key):
             if not path.is_file():
                 raise ValueError(
-                    f"{path} is not there; 'pa-console site init {folder}' makes certificates"
+                    f"{path} does not exist; 'pa-console site init {folder}' makes certificates"
                 )
         return credentials
 
@@ -94,8 +94,8 @@ class Credentials:
         """Return credentials of `role` in `folder` that no other program of this machine uses.
 
         The broker accepts only one connection with each certificate. A second connection would end
-        the first, and the stops of that program would be lost. Raises ValueError if there are no
-        credentials or none are free.
+        the first, and the stops of the first program would be lost. Raises ValueError if there are
+        no credentials or none are free.
         """
         alike = [f"{role}{number}" for number in NUMBERS]
         names = [name for name in alike if (folder / f"{name}.crt").is_file()]
@@ -147,7 +147,7 @@ class BrokerAddress:
             raise ValueError(f"{text}: only host, port and site are understood; {FORM}")
         tls = parts.scheme == "mqtts"
         if not tls and not is_this_machine(host):
-            raise ValueError(f"{text}: mqtt:// is for this machine alone; use mqtts://")
+            raise ValueError(f"{text}: mqtt:// is only for this machine; use mqtts://")
         site = parts.path.strip("/") or INTERFACE
         try:
             TypeAdapter(Token).validate_python(site)
@@ -161,7 +161,7 @@ class BrokerAddress:
 
 
 def _lock(key: Path) -> BinaryIO | None:
-    """Return the file of a key, locked until it is closed; raises BlockingIOError if in use."""
+    """Return the file of a key, locked until closed; raises BlockingIOError if it is in use."""
     try:
         file = key.open("rb")
     except OSError:  # `context` will raise ValueError with the reason
@@ -179,14 +179,14 @@ def _lock(key: Path) -> BinaryIO | None:
 QUIET = logging.getLogger("pa_console.bus")
 QUIET.addHandler(logging.NullHandler())
 QUIET.propagate = False
-"""A log that goes nowhere, because the library would write over the screen.
+"""A logger without output, because the library would write over the screen.
 
 `BusClient.changed` reports the important events.
 """
 
 
 def require_client() -> None:
-    """Raise ValueError if the library of a client, which is loaded later, is not installed."""
+    """Raise ValueError if the library for clients, which is loaded later, is not installed."""
     if missing := missing_library("aiomqtt", "vda5050", "a message bus needs"):
         raise ValueError(missing)
 
@@ -224,7 +224,7 @@ class BusClient:
     """One connection to the broker under the client id `name`.
 
     The client subscribes to `topics`. The broker publishes `will` if the connection breaks. `heard`
-    gets every message; `changed` gets the state of the connection, and the reason if there is none.
+    gets every message; `changed` gets the state of the connection, and the reason if it is broken.
     All calls happen in the event loop of `run`.
     """
 

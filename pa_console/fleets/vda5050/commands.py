@@ -91,7 +91,7 @@ def order_of(
 def answer_of(command_id: str, verb: str, state: RobotState) -> RobotAnswer | None:
     """Return the answer to a command in `state`; None if the state does not mention the command.
 
-    A hold is done when the pause has begun, no order is left, and this same state shows that the
+    A hold is done when the pause has begun, no order is left, and the same state shows that the
     robot has stopped. An acknowledgement alone is not enough.
     """
     for error in reversed(state.errors):
@@ -122,7 +122,7 @@ def _left_of_hold(command_id: str, state: RobotState) -> str | None:
     if cancelled is not None and cancelled.action_status not in ENDED:
         return "its order is being cancelled"
     if state.node_states:
-        return "an order is left"
+        return "it still has an order"
     return "it still moves" if state.moves else None
 
 
@@ -158,7 +158,7 @@ class _PendingCommand:
     """A command of the station, and the last answer of its robot."""
 
     command: DeviceCommand
-    said: RobotAnswer | None = None
+    answer: RobotAnswer | None = None
 
 
 @dataclass
@@ -200,14 +200,14 @@ class Robot:
         return f"its factsheet does not offer {command.verb}"
 
     def ask(self, action_id: str, command: DeviceCommand) -> None:
-        """Record that `command` is sent as `action_id`; a repeated one gets a new answer."""
+        """Record that `command` is sent as `action_id`; a repeated command gets a new answer."""
         self.asked[action_id] = _PendingCommand(command)
         self.asked.move_to_end(action_id)
         if len(self.asked) > MOST_ASKED:
             self.asked.popitem(last=False)
 
     def command_id(self, action_id: str | None) -> str | None:
-        """Return the id of the command that was sent as `action_id`; an unknown id unchanged."""
+        """Return the id of the command sent as `action_id`; if unknown, `action_id` itself."""
         asked = self.asked.get(action_id) if action_id is not None else None
         return asked.command.command_id if asked is not None else action_id
 
@@ -215,9 +215,9 @@ class Robot:
         """Store `state`; yield each command that was sent with its new answer in `state`."""
         self.state = state
         for action_id, asked in list(self.asked.items()):
-            if asked.said is not None and asked.said.status in FINAL_REPLIES:
+            if asked.answer is not None and asked.answer.status in FINAL_REPLIES:
                 continue
             answer = answer_of(action_id, asked.command.verb, state)
-            if answer is not None and answer != asked.said:
-                self.asked[action_id] = replace(asked, said=answer)
+            if answer is not None and answer != asked.answer:
+                self.asked[action_id] = replace(asked, answer=answer)
                 yield asked.command, answer

@@ -1,4 +1,4 @@
-"""The survey of the robots on a message bus, to which nothing is sent."""
+"""The survey of the robots on a message bus; it sends nothing."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from pa_console.schema.world import AssetKind, World
 from pa_console.sim.worlds.terrain import Terrain
 
 EXAMINED = (RobotConnection, Factsheet, RobotState, Detections)
-"""The messages of robots and cameras that are examined."""
+"""The kinds of messages of robots and cameras that are examined."""
 
 
 def _needed(world: World, *, camera: bool) -> tuple[NeededMessage, ...]:
@@ -34,7 +34,7 @@ def _needed(world: World, *, camera: bool) -> tuple[NeededMessage, ...]:
             RobotConnection.TOPIC, 0.0, "only its silence shows that it is gone", source="retained"
         ),
         NeededMessage(
-            Factsheet.TOPIC, 0.0, "it is sent orders that it may not know", source="retained"
+            Factsheet.TOPIC, 0.0, "it may get orders that it does not support", source="retained"
         ),
         periodic(RobotState, "its state is unknown, and it is not shown"),
     )
@@ -42,7 +42,7 @@ def _needed(world: World, *, camera: bool) -> tuple[NeededMessage, ...]:
 
 @dataclass
 class _Sender:
-    """One robot or camera on the bus, and the latest messages of it."""
+    """One robot or camera on the bus, and its latest messages."""
 
     watch: MessageWatch
     connection: str = ""
@@ -51,7 +51,7 @@ class _Sender:
     ahead_s: float = 0.0
     """The time of sending of its latest report minus the time of arrival, in seconds."""
     unreadable: dict[str, str] = field(default_factory=dict[str, str])
-    """The latest error of each topic with messages that are not valid."""
+    """The latest error on each topic that had invalid messages."""
 
     def lacks(self) -> Iterator[str]:
         """Yield the reasons why the robot cannot start."""
@@ -69,7 +69,7 @@ class _Sender:
 
 
 class BusListener:
-    """A bus that was joined, for a survey of the robots and cameras on it."""
+    """A joined bus, for a survey of the robots and cameras on it."""
 
     def __init__(self, world: World, joined: JoinedBus) -> None:
         self.name, self.agents = str(joined.link.address), frozenset(world.assets)
@@ -88,7 +88,7 @@ class BusListener:
         return [news for delivery in deliveries for news in self._take(delivery)]
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one."""
+        """Wait at most `seconds` for a message; return whether one has arrived."""
         return self._joined.link.wait_news(seconds)
 
     def close(self) -> None:
@@ -115,7 +115,7 @@ class BusListener:
         if topic.identity not in self._senders:
             if twin := next((i for i in self._senders if i.serial_number == name), None):
                 makers = f"{twin.manufacturer} and {topic.identity.manufacturer}"
-                text = f"is the name of two robots, of {makers}: only one is believed"
+                text = f"is the name of two robots, of {makers}: only one is accepted"
                 yield LinkNotice("alarm", name, text)
             needed = _needed(world, camera=name in world.cameras)
             watch = MessageWatch(needed, self._began.timestamp())
@@ -177,11 +177,11 @@ class BusListener:
                 yield at.unless(inside, wanted, "it is shown in a wrong place; its map differs")
             clock = LinkFinding(name, "clock", f"{sender.ahead_s:+.1f} s")
             exact = -world.stale_s < sender.ahead_s <= AHEAD_S
-            yield clock.unless(exact, "exact to a second", "its reports are stale or set aside")
+            yield clock.unless(exact, "correct to a second", "its reports are stale or set aside")
         if (sheet := sender.factsheet) is not None:
             verbs = sorted(offers(self._kind(identity, sender)) - {"hold"})
             offered = [verb for verb in verbs if sheet.offers(verb)]
             orders = LinkFinding(name, "orders offered", ", ".join(offered) or "none")
             yield orders.unless(offered, f"some of {', '.join(verbs)}", "each order is refused")
             stop = LinkFinding(name, PAUSE, "offered" if sheet.offers(PAUSE) else "not offered")
-            yield stop.unless(sheet.offers(PAUSE), "offered", "it may not stop at a hold or STOP")
+            yield stop.unless(sheet.offers(PAUSE), "offered", "a hold or STOP may not stop it")

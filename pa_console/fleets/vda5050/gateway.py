@@ -204,7 +204,7 @@ class Speaker:
 
 
 class Gateway(Speaker):
-    """The bus client of one asset, with which it is connected by radio.
+    """The bus client of one asset, to which it is connected by radio.
 
     `forward` sends a command over the radio link. The states on the bus come from the asset's own
     reports, and their time is that of the last report.
@@ -226,14 +226,14 @@ class Gateway(Speaker):
         self._forward = forward
         self.vehicle = Vehicle(self.identity, offers(self._kind), bus.now, verify, relays=True)
         self._zones: tuple[KnownZoneSet, ...] = ()
-        self._said: tuple[AssetTelemetry, datetime] | None = None
+        self._last_report: tuple[AssetTelemetry, datetime] | None = None
         self._cut = False
 
-    def report(self, said: AssetTelemetry, sent: datetime) -> None:
+    def report(self, telemetry: AssetTelemetry, sent: datetime) -> None:
         """Publish the asset's own report with the time `sent`, unless a newer one is known."""
-        if self._said is not None and sent < self._said[1]:
+        if self._last_report is not None and sent < self._last_report[1]:
             return
-        self._said = (said, sent)
+        self._last_report = (telemetry, sent)
         if self._cut:
             self._cut = False
             self.say(self.connection("ONLINE"), qos=1, retain=True)
@@ -251,10 +251,10 @@ class Gateway(Speaker):
 
     def tell(self) -> None:
         """Publish the state, if the asset has reported at least once."""
-        if self._said is not None and self.client.connected:
-            said, sent = self._said
+        if self._last_report is not None and self.client.connected:
+            telemetry, sent = self._last_report
             number = self.header("state", sent)["header_id"]
-            self.say(state_of(said, self.vehicle, number, sent, self._zones))
+            self.say(state_of(telemetry, self.vehicle, number, sent, self._zones))
 
     def _arrived(self) -> None:
         sheet = factsheet_of(self._kind, self._world, self.header("factsheet"))

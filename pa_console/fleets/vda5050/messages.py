@@ -273,7 +273,7 @@ Scope = Literal["INSTANT", "NODE", "EDGE", "ZONE"]
 Metres = Annotated[float, Field(ge=-1e4, le=1e4)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e7)]
 REPLACES = "order.replacement"
-"""The optional parameter of robots that replace their current order by a new one themselves."""
+"""The optional parameter of robots that replace their current order with a new one themselves."""
 
 
 class TypeSpecification(Wire):

@@ -50,7 +50,7 @@ class MqttFleet(ReportedFleet):
     ) -> None:
         super().__init__(ReportedPicture(world))
         self._elsewhere: Mapping[str, str] = {}
-        """The name of the link of each asset on another link."""
+        """For each asset on another link, the name of that link."""
         self._link, self._keys = joined.link, keys
         self._rate = joined.site.rate if joined.site is not None else 1.0
         self._period = station_side.period_ticks(world)
@@ -92,7 +92,7 @@ class MqttFleet(ReportedFleet):
         return frozenset(self._robots)
 
     def reserve(self, elsewhere: Mapping[str, str]) -> None:
-        """Refuse robots on the bus with the names of assets on other links, which `elsewhere` has.
+        """Refuse robots on the bus that have the name of an asset in `elsewhere`, on another link.
 
         Raises ValueError if such a robot has already joined the bus.
         """
@@ -160,7 +160,7 @@ class MqttFleet(ReportedFleet):
         self._shared = session
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one."""
+        """Wait at most `seconds` for a message; return whether one has arrived."""
         return self._link.wait_news(seconds)
 
     def _token(self, command: DeviceCommand) -> str | None:
@@ -191,7 +191,7 @@ class MqttFleet(ReportedFleet):
     def _order(self, robot: Robot, command: DeviceCommand) -> None:
         """Send an order; first end the robot's pause, or cancel its current order, if necessary.
 
-        `command` has its id on the bus.
+        The id of `command` is its id on the bus.
         """
         replaces = robot.factsheet is not None and robot.factsheet.replaces_orders
         if robot.busy and not replaces and not self._has_order(robot, command):
@@ -287,7 +287,7 @@ class MqttFleet(ReportedFleet):
         return not self._link.problem
 
     def publish_signed(self) -> None:
-        """Retain the newest signed messages on the bus, where they may be missing or older."""
+        """Retain the newest signed messages on the bus, where they may be missing or outdated."""
         self._published_s, self._older_there = self.time_s, False
         if self._keys is not None:
             site, newest = self._link.address.site, self._keys.newest
@@ -305,7 +305,7 @@ class MqttFleet(ReportedFleet):
             text = f"a signed {message.TOPIC} changes nothing: {why}"
             self._say("warning", KEYS_SUBJECT, text, message.TOPIC)
         if refusal and refusal != before:
-            self._say("alarm", KEYS_SUBJECT, f"nothing is sent from here: {refusal}")
+            self._say("alarm", KEYS_SUBJECT, f"this station sends no commands: {refusal}")
         elif before and not refusal:
             self._say("info", KEYS_SUBJECT, "this station is in command")
 
@@ -324,7 +324,7 @@ class MqttFleet(ReportedFleet):
         if self._keys is None:
             return
         if why := self._keys.objection_to(request, person, signature):
-            text = f"a signature from elsewhere does not count: {why}"
+            text = f"a signature from another station does not count: {why}"
             self._say("warning", KEYS_SUBJECT, text, "countersignature")
             return
         self._countersigned.append(PlanCountersignature(request, person, signature))
@@ -375,7 +375,7 @@ class MqttFleet(ReportedFleet):
         try:
             self._notices.add(_HAPPENED.validate_json(message.event))
         except ValidationError:
-            self._say("alarm", additions.SITE.serial_number, "tells of an event of no known kind")
+            self._say("alarm", additions.SITE.serial_number, "sends an event of an unknown kind")
 
     def _robot(self, identity: Identity) -> Robot | None:
         """Return the robot with this identity; None if there is no such asset on this bus.
@@ -384,11 +384,11 @@ class MqttFleet(ReportedFleet):
         """
         name = identity.serial_number
         if (other := self._elsewhere.get(name)) is not None:
-            self._say("alarm", name, f"joins the bus, but is commanded over {other}: not believed")
+            self._say("alarm", name, f"joins the bus, but is commanded over {other}: ignored")
             return None
         robot = self._robots.get(name)
         if robot is not None and robot.identity != identity:
-            text = f"a second robot calls itself so, of {identity.manufacturer}: not believed"
+            text = f"a second robot, of {identity.manufacturer}, has this name: ignored"
             self._say("alarm", name, text)
             return None
         if robot is None and name in self.world.assets:
@@ -414,7 +414,7 @@ class MqttFleet(ReportedFleet):
                 self._say(
                     "warning",
                     robot.name,
-                    f"says that it is {word}"
+                    f"reports that it is {word}"
                     if word != "connection broken"
                     else "its connection is broken",
                     word,
@@ -458,7 +458,7 @@ class MqttFleet(ReportedFleet):
     def _stamp(self, delivery: Delivery, message: Header, name: str) -> int | None:
         """Return the tick at which a report was sent; None if retained or in the future."""
         if delivery.retained:
-            text = f"its {message.TOPIC} was kept by the broker: it is none of now"
+            text = f"its {message.TOPIC} was retained by the broker: it is not current"
             self._say("warning", name, text, f"retained {message.TOPIC}")
             return None
         stamp = self._tick_of(message.timestamp, delivery.at)

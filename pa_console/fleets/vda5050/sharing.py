@@ -110,13 +110,13 @@ class SharedSession:
 def signed_messages(
     site: str, messages: Mapping[str, str], numbers: Numbers, sent: datetime
 ) -> list[OutgoingMessage]:
-    """Return messages that retain the signed `messages` (by kind), in the order for receivers."""
-    found: list[OutgoingMessage] = []
+    """Return messages that retain the signed `messages` (by kind), in the order receivers need."""
+    outgoing: list[OutgoingMessage] = []
     for kind in additions.SIGNED:
         if (message := messages.get(kind.TOPIC)) is not None:
             header = numbers.header(additions.TRUST, kind.TOPIC, sent)
             topic = Topic(site, additions.TRUST, kind.TOPIC)
-            found.append(
+            outgoing.append(
                 OutgoingMessage(str(topic), kind(**header, message=message).write(), 1, retain=True)
             )
-    return found
+    return outgoing

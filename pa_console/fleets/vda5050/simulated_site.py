@@ -113,8 +113,8 @@ class SimulatedSite:
         running = [asyncio.create_task(speaker.client.run()) for speaker in speakers]
         try:
             await self._all_up(speakers)
-            for name, said in self.checkpoint.picture().assets.items():
-                self._tell_at_once(name, said)
+            for name, telemetry in self.checkpoint.picture().assets.items():
+                self._tell_at_once(name, telemetry)
             speakers.append(self._site)
             running.append(asyncio.create_task(self._site.client.run()))
             await self._all_up((self._site,))
@@ -235,18 +235,18 @@ class SimulatedSite:
                 )
             )
 
-    def _see(self, name: str, sent: datetime, found: tuple[Detection, ...]) -> None:
+    def _see(self, name: str, sent: datetime, detections: tuple[Detection, ...]) -> None:
         """Publish the detections of an asset at the time `sent`."""
         kind = self._world.assets[name].kind
         robot = self.robots[name]
-        if not robot.client.connected or (not found and kind != "uav"):
+        if not robot.client.connected or (not detections and kind != "uav"):
             return
         sees = self._world.platforms[kind].sensor_range_m / 2
         team = (
             self._team(self.checkpoint.truth().assets[name].position, sees) if kind == "uav" else ()
         )
         header = robot.header(Detections.TOPIC, sent)
-        robot.say(Detections(**header, contacts=self._contacts(found), team=team))
+        robot.say(Detections(**header, contacts=self._contacts(detections), team=team))
 
     def _team(self, at: tuple[float, float], within_m: float) -> tuple[SeenRobot, ...]:
         """Return the assets that a sensor at `at` recognises, which are those within `within_m`."""
@@ -256,7 +256,7 @@ class SimulatedSite:
             if math.dist(at, asset.position) <= within_m
         )
 
-    def _contacts(self, found: Iterable[Detection]) -> tuple[SeenContact, ...]:
+    def _contacts(self, detections: Iterable[Detection]) -> tuple[SeenContact, ...]:
         return tuple(
             SeenContact(
                 signature=detection.contact,
@@ -272,7 +272,7 @@ class SimulatedSite:
                 if detection.warned_tick is None
                 else (self.checkpoint.tick - detection.warned_tick) * self._world.dt_s,
             )
-            for detection in found
+            for detection in detections
         )
 
     def _inject(self, text: str) -> str:
@@ -285,17 +285,17 @@ class SimulatedSite:
         except ValueError as error:
             return str(error)
         if self.checkpoint.tick == 0:
-            for name, said in self.checkpoint.picture().assets.items():
-                self._tell_at_once(name, said)
+            for name, telemetry in self.checkpoint.picture().assets.items():
+                self._tell_at_once(name, telemetry)
         return ""
 
-    def _tell_at_once(self, name: str, said: AssetTelemetry) -> None:
+    def _tell_at_once(self, name: str, telemetry: AssetTelemetry) -> None:
         """Publish the initial state of an asset, before the first step."""
         robot = self.robots[name]
-        if said.comms == "lost":
+        if telemetry.comms == "lost":
             robot.cut()
         else:
-            robot.report(said, self.now())
+            robot.report(telemetry, self.now())
 
     def _tell(self, event: IncidentHappened | Noticed) -> None:
         header = self._site.header(ScenarioNews.TOPIC)
@@ -330,8 +330,8 @@ class SimulatedSite:
     def _time_of(self, tick: int) -> datetime:
         """Return the time of a tick.
 
-        At a paced site, it follows from the start. Otherwise, it is counted back from the time at
-        which the current step was due, so that the real time between steps does not matter.
+        At a paced site, it is counted from the start. Otherwise, it is counted back from the time
+        at which the current step was due, so that the real time between steps does not matter.
         """
         if self._options.paced:
             return self._epoch + timedelta(seconds=tick * self._world.dt_s)

@@ -44,7 +44,7 @@ RESERVED = ("ca", BROKER, *ROLES, SITE.serial_number, TRUST.serial_number)
 CONFIGURATION, ACCESS = "mosquitto.conf", "access.txt"
 CA_YEARS, YEARS = 10, 2
 EARLIER = timedelta(days=1)
-"""The age of a new certificate, so that a machine with a slow clock accepts it as well."""
+"""The age with which a certificate is issued, so that a machine with a slow clock accepts it."""
 
 ROBOT_WRITES = ("connection", "state", "factsheet", "detections", "visualization")
 ROBOT_READS = ("order", "instantActions", "zoneSet", "responses")
@@ -196,10 +196,10 @@ def access(site: str, machines: Machines = Machines()) -> str:
         ),
     }
     lines = [
-        "# Everybody writes and reads the topics of the serial number in their certificate.",
+        "# Everybody writes and reads their own topics, which have the name in their certificate.",
         *(f"pattern write {robot}/{topic}" for topic in ROBOT_WRITES),
         *(f"pattern read {robot}/{topic}" for topic in ROBOT_READS),
-        "# Everybody reads who belongs to the site and who commands it.",
+        "# Everybody reads the members of the site and the station in command.",
         *(f"pattern read {topic}" for topic in trust),
         "",
         f"user {SITE.serial_number}",
@@ -225,7 +225,7 @@ def _authority(folder: Path, site: str) -> _Authority:
     if certificate_file.exists() and key_file.exists():
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
         if not isinstance(key, ec.EllipticCurvePrivateKey):
-            raise ValueError(f"{key_file} is no key of an authority that was made here")
+            raise ValueError(f"{key_file} is not the key of an authority that was made here")
         return _Authority(x509.load_pem_x509_certificate(certificate_file.read_bytes()), key)
     key = ec.generate_private_key(ec.SECP256R1())
     name = _name(f"PA Console site {site}")

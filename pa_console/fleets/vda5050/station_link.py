@@ -39,13 +39,13 @@ from pa_console.schema.world import AssetKind, World
 MESSAGES_PER_S, MESSAGES_AT_ONCE = 100.0, 200.0
 """The limit of messages from one sender on one topic, per second and at once.
 
-A robot reports a few times per second, and a simulated site at twenty times the speed 40 times.
+A robot reports a few times per second, or 40 times at a simulated site that runs 20 times as fast.
 """
 
 BYTES_PER_S, BYTES_AT_ONCE = 512_000.0, 1_024_000.0
 """The limit of bytes from one sender on one topic, per second and at once.
 
-A state has two to ten kilobytes. To read this many bytes takes a few milliseconds.
+A state has two to ten kilobytes. Reading as many bytes as the limit takes a few milliseconds.
 """
 
 MOST_SENDERS = 20_000
@@ -74,7 +74,7 @@ class RateLimit:
         """Use `clock`, which returns seconds."""
         self._clock = clock
         self._left: OrderedDict[Topic, tuple[float, float, float]] = OrderedDict()
-        """The messages and bytes left on each topic, and the time of that."""
+        """The messages and bytes left on each topic, and the time at which this was computed."""
 
     def allows(self, topic: Topic, size: int) -> bool:
         """Return whether a message of `size` bytes is within the limit, and count it if it is."""
@@ -157,12 +157,12 @@ class StationLink:
         return next((channel.problem for channel in self._channels if channel.problem), "")
 
     def wait_connected(self, seconds: float) -> bool:
-        """Wait for all connections, for `seconds` at most; return whether they exist."""
+        """Wait for all connections, for `seconds` at most; return whether all exist."""
         until = monotonic() + seconds
         return all(channel.up.wait(max(until - monotonic(), 0.0)) for channel in self._channels)
 
     def wait_news(self, seconds: float) -> bool:
-        """Wait for a message, for `seconds` at most; return whether there is one to take."""
+        """Wait at most `seconds` for a message; return whether there is one to take."""
         arrived = self._news.wait(seconds)
         self._news.clear()
         return arrived or bool(self._waiting)
@@ -201,7 +201,7 @@ class StationLink:
         try:
             message = kinds[topic.name].read(received.payload)
             if (message.manufacturer, message.serial_number) != topic.identity:
-                message = UnreadableError("it says that it is another robot's")
+                message = UnreadableError("its header names another robot")
         except UnreadableError as error:
             message = error
         self._waiting.append(Delivery(topic, message, received.retained, datetime.now(UTC)))
@@ -341,7 +341,7 @@ def join(
 
 
 def take_retained(link: StationLink) -> list[Delivery]:
-    """Return the messages that arrive until all retained ones have, including live messages."""
+    """Return the messages that arrive until the last retained one, including live messages."""
     deliveries: list[Delivery] = []
     now = monotonic()
     end, quiet = now + MOST_RETAINED_S, now + RETAINED_S

@@ -36,7 +36,7 @@ STOPPING = (PAUSE, CANCEL, "hold")
 
 STATE_REQUEST, FACTSHEET_REQUEST = "stateRequest", "factsheetRequest"
 EXPIRY_S = 10.0
-"""The validity of an order after it was sent, in seconds, for the broker and for robots."""
+"""The time for which an order is valid after it was sent, in seconds, for the broker and robots."""
 
 MOST_KNOWN = 65_536
 """The number of recent action ids that are remembered, so that no order is carried out twice."""
@@ -92,8 +92,8 @@ class Vehicle:
     no order that was sent before it is carried out.
 
     With `relays`, the robot represents a device behind a lossy radio. It then reports on a command
-    only after the device has, and forwards repetitions until the command has ended. Such a device
-    must also carry out each id only once.
+    only after the device has reported, and forwards repetitions until the command has ended. Such a
+    device must also carry out each id only once.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class Vehicle:
         if why := self._objection(order):
             self._refuse("INVALID_ORDER", why, about)
         elif len(actions) != 1 or not ids[0] or not order.nodes or not order.nodes[-1].actions:
-            why = "an order has one action here, at its last node"
+            why = "an order must have one action, at its last node"
             self._refuse("VALIDATION_FAILURE", why, about)
         else:
             command = self._command(actions[0], order.nodes[-1])
@@ -283,11 +283,11 @@ class Vehicle:
         if message.timestamp < self._began:
             return "it was sent before this robot started"
         if message.timestamp < self._stopped:
-            return "it was sent before this robot was told to stop"
+            return "it was sent before this robot was stopped"
         if age_s > EXPIRY_S:
             return f"it was sent {age_s:.0f} s ago and has expired"
         if age_s < -EXPIRY_S:
-            return f"it says that it was sent {-age_s:.0f} s from now"
+            return f"its time is {-age_s:.0f} s in the future"
         return ""
 
     def _command(self, action: RobotAction, node: Node) -> DeviceCommand | None:
@@ -321,7 +321,7 @@ class Vehicle:
     def _note(
         self, action: RobotAction, status: ActionStatus, carried_by: DeviceCommand | str
     ) -> None:
-        """Record an accepted action; `carried_by` is its device command, or the id of that."""
+        """Record an accepted action; `carried_by` is its device command, or the id of one."""
         state = ActionState(
             action_id=action.action_id, action_type=action.action_type, action_status=status
         )
@@ -343,8 +343,8 @@ class Vehicle:
             self._told.remove(action_id)
         del self._told[:-MOST_OPEN]
 
-    def _remember(self, action_id: str, known: _TakenAction | None) -> None:
-        self._known[action_id] = known
+    def _remember(self, action_id: str, action: _TakenAction | None) -> None:
+        self._known[action_id] = action
         if len(self._known) > MOST_KNOWN:
             self._known.popitem(last=False)
 
@@ -368,7 +368,7 @@ class Vehicle:
         self._refusals = [*self._refusals, _Refusal(error, self._now())][-MOST_TOLD:]
 
     def _released(self) -> Iterator[DeviceCommand]:
-        """Yield the order that waited for the end of the pause, if it can be verified now."""
+        """Yield the order that waited for the end of the pause, if it passes verification now."""
         waiting = self._held_back
         if waiting is None:
             return

@@ -24,7 +24,7 @@ MOST_BYTES = 256 * 1024
 MOST_ITEMS = 1000
 """The largest accepted number of items in a list of a message."""
 MAJOR = "v3"
-"""The part of a topic for the version."""
+"""The part of a topic that names the version."""
 
 
 class UnreadableError(ValueError):
@@ -42,7 +42,7 @@ def _written(time: datetime) -> str:
 
 def _of_this_version(version: str) -> str:
     if version.split(".", maxsplit=1)[0] != VERSION.split(".", maxsplit=1)[0]:
-        raise ValueError(f"version {version!r} of the protocol, only 3 is understood")
+        raise ValueError(f"version {version!r} of the protocol is not understood, only 3")
     return version
 
 
@@ -99,7 +99,7 @@ class Header(Wire):
     def read(cls, payload: bytes) -> Self:
         """Return the message in `payload`; raises UnreadableError if it is not valid."""
         if len(payload) > MOST_BYTES:
-            raise UnreadableError(f"{len(payload)} bytes, more than {MOST_BYTES} are not read")
+            raise UnreadableError(f"it has {len(payload)} bytes; at most {MOST_BYTES} are read")
         try:
             return cls.model_validate_json(payload)
         except ValidationError as error:
@@ -170,7 +170,7 @@ class Numbers:
         }
 
     def fresh(self) -> dict[str, int]:
-        """Return the number of the last message on each topic with messages since the last call."""
+        """Return the number of the last message on each topic that had one since the last call."""
         fresh, self._fresh = self._fresh, {}
         return fresh
 

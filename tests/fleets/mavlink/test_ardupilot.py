@@ -145,7 +145,7 @@ def test_a_cut_of_twenty_seconds_ends_no_observation(team: Team) -> None:
     team.until(lambda: team.height(ONE) > 5.0)
     team.radio.cut = True
     cut_until = time.monotonic() + 20.0 / SPEEDUP
-    team.until(lambda: team.told("is not heard any more"))
+    team.until(lambda: team.told("is no longer heard"))
     team.until(lambda: time.monotonic() > cut_until)
     team.radio.cut = False
     assert team.end(observed).detail == "at WestGate"
@@ -289,7 +289,7 @@ def test_an_autopilot_that_is_killed_and_started_again_is_asked_for_everything_a
         lone.send("c1", ONE, "move_to", "EastGate")
         lone.until(lambda: lone.reports[ONE].speed_mps > 2.0)
         lone.sitl.kill()
-        lone.until(lambda: lone.told("is not heard any more"))
+        lone.until(lambda: lone.told("is no longer heard"))
         lone.readiness.clear()
         lone.notices.clear()
         lone.sitl.start()
@@ -369,6 +369,6 @@ def test_doctor_names_parameters_that_are_not_as_they_should_be(
         "BATT_FS_LOW_ACT": "2",
         "FS_GCS_ENABLE": "1",
         "MAV_GCS_SYSID": "245",
-        "FS_OPTIONS": "one with 2 in it",
+        "FS_OPTIONS": "a value that includes 2",
     }
     assert found["BATT_MONITOR"].found == "4"

@@ -103,7 +103,7 @@ def test_a_link_without_drones_has_a_problem_and_a_way_back(world: World, tmp_pa
         driven.until(lambda: driven.fenced(1))
         assert driven.link.problem == ""
         drones.tell(ONE, down=True)
-        driven.until(lambda: driven.told("is not heard any more"))
+        driven.until(lambda: driven.told("is no longer heard"))
         assert "no drone is heard" in driven.link.problem
         driven.send("h1", ONE, "hold")
         driven.take()

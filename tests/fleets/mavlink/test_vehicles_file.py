@@ -71,7 +71,7 @@ def test_a_wrong_file_is_refused_with_line_field_and_remedy(
         ("udp://0.0.0.0:14540", r"which drone is which\?.*#FILE.yaml"),
         ("none.yaml", "none.yaml"),
         ("drones.yaml", "connection: missing; give for example udp://0.0.0.0:14540"),
-        ("udq://0.0.0.0:14540#drones.yaml", "is no connection; give udp://0.0.0.0:PORT"),
+        ("udq://0.0.0.0:14540#drones.yaml", "is not a connection; give udp://0.0.0.0:PORT"),
         ("udp://0.0.0.0#drones.yaml", r"cannot be opened \(connection url invalid\)"),
     ],
 )
@@ -95,5 +95,5 @@ def test_a_world_that_is_nowhere_on_the_earth_is_refused(tmp_path: Path, world: 
 def test_another_origin_than_the_worlds_is_refused(tmp_path: Path, world: World) -> None:
     text = "origin: {latitude: 1.0, longitude: 1.0}\nvehicles:\n  Drone_T01: {system_id: 1}\n"
     there = world.model_copy(update={"origin": ORIGIN})
-    with pytest.raises(ValueError, match="another origin"):
+    with pytest.raises(ValueError, match="different origins"):
         open_link(f"udp://127.0.0.1:14599#{written(tmp_path, text)}", there, Settings())

@@ -86,9 +86,9 @@ def test_its_image_is_taken_and_written_anew(camera: CameraNode) -> None:
     ("content", "why"),
     [
         (bytes(5_000_000), "sends more than 4 MB"),
-        (encoded("JPEG")[:300], "sends no image that can be read"),
-        (b"<html>log in</html>", "sends no image that can be read"),
-        (b"", "sends no image that can be read"),
+        (encoded("JPEG")[:300], "sends no readable image"),
+        (b"<html>log in</html>", "sends no readable image"),
+        (b"", "sends no readable image"),
         (bomb(12_000), "sends (too large a|no) picture"),
     ],
 )

@@ -22,8 +22,8 @@ GOOD = "frames: {NorthGate: [0, 34], EastGate: [54, 0]}\nrobots: {Ugv_T01: {}}\n
     ("text", "said"),
     [
         ("robots: {Ugv_T01: {}}\n", "frames: Field required"),
-        (GOOD.replace("EastGate", "Moon"), ":1: frames.Moon: no frame of checkpoint; it has"),
-        (GOOD.replace("Ugv_T01", "Ugv_T99"), ":2: robots.Ugv_T99: no asset of checkpoint; add it"),
+        (GOOD.replace("EastGate", "Moon"), ":1: frames.Moon: not a frame of checkpoint; it has"),
+        (GOOD.replace("Ugv_T01", "Ugv_T99"), ":2: robots.Ugv_T99: not an asset of checkpoint;"),
         (
             GOOD.replace("54, 0", "50, 0"),
             ":1: frames.EastGate: the map does not fit the world: EastGate is",

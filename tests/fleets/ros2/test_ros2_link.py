@@ -140,7 +140,7 @@ def test_a_robot_that_drives_on_has_not_stopped(robots: Robots, listener: Listen
     [
         ("reject", "refused", "it rejects the goal"),
         ("abort", "failed", "there is no path to the goal (Nav2 error 208): the corridor is clos"),
-        ("lie", "failed", "it says that it is at WestGate, but reports itself"),
+        ("lie", "failed", "it reports its arrival at WestGate, but its place is"),
     ],
 )
 def test_what_a_robot_answers_is_told(
@@ -167,9 +167,9 @@ def test_a_robot_that_is_killed_in_motion_is_told_and_has_forgotten_its_goal(
         assert listener.statuses("a") == ["acknowledged"]
         listener.send("h", "Ugv_T01", "hold")
         listener.send("b", "Ugv_T01", "move_to", "NorthGate")
-        assert listener.final("b").detail == "no action server /ugv9/navigate_to_pose is there"
+        assert listener.final("b").detail == "there is no action server /ugv9/navigate_to_pose"
         again = Robots({"ugv9": (0.0, 0.0)}, doomed.domain)
-        assert "was it started again?" in listener.final("a").detail
+        assert "was it restarted?" in listener.final("a").detail
         listener.until(lambda: not listener.link.problem)
         listener.send("h", "Ugv_T01", "hold")
         assert listener.final("h").status == "done"
@@ -205,14 +205,17 @@ def test_two_stations_see_each_other_s_goals(
         second.until(lambda: (r := second.report("Ugv_T01")) and r.task == "moving")
         second.send("h", "Ugv_T01", "hold")
         assert second.final("h").status == "done"
-        assert listener.final("a").detail == "cancelled by somebody else"
+        assert listener.final("a").detail == "cancelled by another program"
 
 
 @pytest.mark.parametrize(
     ("lack", "why"),
     [
-        ({"silent": True}, "nothing comes on /Ugv_T02/tf; nothing comes on /Ugv_T02/odom"),
-        ({"serves": False}, "no action server /Ugv_T02/navigate_to_pose is there"),
+        (
+            {"silent": True},
+            "no messages arrive on /Ugv_T02/tf; no messages arrive on /Ugv_T02/odom",
+        ),
+        ({"serves": False}, "there is no action server /Ugv_T02/navigate_to_pose"),
         ({"lifecycle": 2}, "bt_navigator is inactive"),
     ],
 )

@@ -52,11 +52,11 @@ def test_transforms_are_read() -> None:
 @pytest.mark.parametrize(
     ("found", "why"),
     [
-        ([transform(x=math.nan)], "a number in it is nan"),
-        ([transform(x=-math.inf)], "a number in it is -inf"),
-        ([transform(x=1e9)], "is no place on a map"),
-        ([transform(w=0.0)], "its direction is no rotation"),
-        ([transform(w=math.inf)], "a number in it is inf"),
+        ([transform(x=math.nan)], "it contains the number nan"),
+        ([transform(x=-math.inf)], "it contains the number -inf"),
+        ([transform(x=1e9)], "is not a place on a map"),
+        ([transform(w=0.0)], "its direction is not a rotation"),
+        ([transform(w=math.inf)], "it contains the number inf"),
         ([transform()] * 5000, "it has 5000 items"),
     ],
 )
@@ -86,9 +86,9 @@ def test_a_map_is_read_from_the_top() -> None:
         (grid(width=2**31, height=2**31), "cells are not read"),
         (grid(height=3), "it has 4 of 6 cells"),
         (grid(data=[0]), "it has 1 of 4 cells"),
-        (grid(cell_m=math.nan), "a number in it is nan"),
-        (grid(cell_m=0.0), "a cell of 0 m is no cell of a map"),
-        (grid(cell_m=1e9), "is no cell of a map"),
+        (grid(cell_m=math.nan), "it contains the number nan"),
+        (grid(cell_m=0.0), "a cell of 0 m is not a cell of a map"),
+        (grid(cell_m=1e9), "is not a cell of a map"),
     ],
 )
 def test_hostile_maps_are_set_aside(hostile: Any, why: str) -> None:

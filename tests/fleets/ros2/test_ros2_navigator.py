@@ -336,7 +336,7 @@ def test_an_order_that_got_lost_is_not_sent_again(world: World) -> None:
     assert [name for name, _, _ in rig.requests] == ["ask"]
     rig.settle()
     assert rig.said("c") == ["failed"]
-    assert "the goal got lost" in rig.answers[-1].detail
+    assert "the goal was lost" in rig.answers[-1].detail
     assert not rig.server.began
 
 
@@ -366,7 +366,7 @@ def test_a_robot_that_forgot_its_goal_has_failed(world: World) -> None:
     rig.server.questions.pop()[1](None)  # no answer in time
     rig.settle()
     assert rig.said("c") == ["acknowledged", "failed"]
-    assert "was it started again?" in rig.answers[-1].detail
+    assert "was it restarted?" in rig.answers[-1].detail
 
 
 def test_another_behavior_tree_waits_until_the_running_goal_is_cancelled(world: World) -> None:
@@ -393,7 +393,8 @@ def test_a_robot_that_is_not_where_it_says_has_not_arrived(world: World) -> None
     rig.now_s += 2.1
     rig.see()
     assert rig.said("c") == ["acknowledged", "failed"]
-    assert rig.answers[-1].detail == "it says that it is at NorthGate, but reports itself 34 m away"
+    why = "it reports its arrival at NorthGate, but its place is 34 m away"
+    assert rig.answers[-1].detail == why
 
 
 def test_a_goal_that_overtakes_a_hold_is_cancelled(world: World) -> None:
@@ -417,7 +418,7 @@ def test_what_a_robot_cannot_do_is_refused(world: World, verb: str) -> None:
 
 @pytest.mark.parametrize(
     ("servers", "why"),
-    [(0, "no action server /Ugv_T01/navigate_to_pose is there"), (2, "2 action servers are")],
+    [(0, "there is no action server /Ugv_T01/navigate_to_pose"), (2, "2 action servers are")],
 )
 def test_without_one_action_server_only_a_hold_is_sent(
     world: World, servers: int, why: str

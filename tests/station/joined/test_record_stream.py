@@ -151,7 +151,7 @@ def test_a_revoked_station_is_not_believed(tmp_path: Path) -> None:
     clock = Clock()
     lost = Sharing(tmp_path, clock, "lost")
     lost.write(2)
-    with pytest.raises(NotBelievedError, match="lost is no station of this site"):
+    with pytest.raises(NotBelievedError, match="lost is not a station of this site"):
         RecordStream(trust(), clock).take("lost", lost.messages()[0])
 
 
