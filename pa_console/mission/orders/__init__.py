@@ -1,1 +1,1 @@
-"""Standing orders: those that wait for a state of the picture, and those that wait for a time."""
+"""Standing orders: the state of the picture or the time for which each of them waits."""
