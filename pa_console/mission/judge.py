@@ -119,7 +119,7 @@ class PlanCase:
 def ask_about_plan(
     prompt_format: PromptFormat, world: World, rulebook: Rulebook, case: PlanCase
 ) -> JudgeQuestion:
-    """Return the judge's question: does the plan serve the task and obey the rules (step 6)?
+    """Return the question to the judge whether the plan serves the task within the rules (step 6).
 
     Raises KeyError if a rule that was retrieved or broken is not in `rulebook`.
     """

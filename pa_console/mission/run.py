@@ -111,7 +111,7 @@ class MissionRun:
         self._ordered: list[Move] = []
         """The moves that the mission's plans ordered, including a plan that was not approved."""
         self.moving = False
-        """True while the mission waits for the fleet, during which the fleet must not wait for it."""
+        """True while the mission waits for the fleet; the fleet must not wait for it then."""
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._progress, self._monitor, station.open_alarms)

@@ -242,7 +242,7 @@ class OutcomeCase:
 def ask_about_outcome(
     prompt_format: PromptFormat, world: World, case: OutcomeCase
 ) -> JudgeQuestion:
-    """Return the judge's question: was the task accomplished (step 9)?"""
+    """Return the question to the judge whether the task was accomplished (step 9)."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
     if prompt_format.outcome_opening is None:

@@ -1,4 +1,4 @@
-"""The state of a session, folded from its events: the same for live sessions and replays."""
+"""The state of a session, folded from its events; it is the same live and in a replay."""
 
 from collections import deque
 from collections.abc import Mapping, MutableMapping
@@ -34,7 +34,7 @@ STILLS_KEPT = 50
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
 
 BY_CLOCK = "the clock"
-"""The `by` of the event that ends a timed order after its last moment."""
+"""The value of `by` in the event that ends a timed order after its last moment."""
 MOST_STARTS_KEPT = 100
 
 
@@ -42,10 +42,11 @@ MOST_STARTS_KEPT = 100
 class SessionState:
     """The whole session after the last applied event.
 
-    `latest` is the mission that arrived last, `last_active` the last one in progress, and `answers`
-    maps an alarm's id to the unfinished mission that answers it. `loose_orders` belong to no
-    mission and came after the last stop. `log_problem` is the reason why the log cannot be written,
-    `relieved` the reason why a station of a site with keys may not move any asset.
+    `latest` is the mission that arrived last, and `last_active` the last mission in progress.
+    `answers` maps an alarm's id to the unfinished mission that answers the alarm. `loose_orders`
+    are commands after the last stop that belong to no mission. `log_problem` is the reason why the
+    log cannot be written. `relieved` is the reason why a station of a site with keys may not move
+    any asset.
     """
 
     started: ev.SessionStarted | None = None
@@ -71,14 +72,14 @@ class SessionState:
     muted_agents: frozenset[str] = frozenset()
     """The agents that may not propose missions."""
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
-    """The approved standing orders by id, the oldest first."""
+    """The approved standing orders by id, oldest first."""
     manual: dict[str, ManualTrace] = field(default_factory=dict[str, ManualTrace])
-    """The assets under manual control by a decision at the station, the first one first."""
+    """The assets whose manual control was taken at this station, in the order of taking."""
     awaiting: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """The missions that wait for assets under manual control, with these assets."""
+    """The missions that await assets under manual control, each with these assets."""
     tak: TakTrace = field(default_factory=TakTrace)
     stills: dict[str, ev.CameraStill] = field(default_factory=dict[str, ev.CameraStill])
-    """The latest image of each track that was shown recently."""
+    """The latest still of each track that was shown recently."""
 
     @property
     def time_s(self) -> float:
@@ -103,9 +104,9 @@ class SessionState:
 
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
-        """The open alarms: highest priority first, then the nearest, then the oldest.
+        """The open alarms: those of the highest priority first, then the nearest, then the oldest.
 
-        Place and distance of a track in an alarm's text are those of the present picture.
+        In an alarm's text, place and distance of a track are taken from the present picture.
         """
         now = (
             OpenAlarm(alarm_now(item.alarm, self.picture), item.acknowledged_by)
@@ -349,7 +350,7 @@ class SessionState:
                 pass
 
     def _leave(self, event: ev.Event) -> None:
-        """Clear `active` if it is the event's mission; a waiting mission was never active."""
+        """Clear `active` if it is the event's mission."""
         if event.mission == self.active:
             self.active = None
 
@@ -358,7 +359,7 @@ class SessionState:
             del self.answers[alarm]
 
     def _apply_to_orders(self, data: ev.EventPayload) -> None:
-        """Apply commands without a mission: those of a stop, which may precede its event."""
+        """Apply commands without a mission: those of a stop, which may precede the stop's event."""
         orders = self.stop.orders if self.stop is not None else self.loose_orders
         match data:
             case ev.CommandSent(command=command):
@@ -391,7 +392,7 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
 
 
 def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
-    """Return the queue's entries for missions that have not begun, the next one first."""
+    """Return the queue's entries for missions that have not begun, the next mission first."""
     missions = state.missions
     return tuple(
         entry
@@ -402,12 +403,12 @@ def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
 
 
 def begun_missions(state: SessionState) -> tuple[MissionTrace, ...]:
-    """Return the missions that have begun but not ended, in the order of their arrival."""
+    """Return the missions that have begun but not ended, in order of arrival."""
     return tuple(
         trace for trace in state.missions.values() if trace.status is None and _begun(state, trace)
     )
 
 
 def _begun(state: SessionState, trace: MissionTrace) -> bool:
-    """Return True if a mission is active, or was until an emergency preempted it."""
+    """Return True if a mission is active or was active until an emergency preempted it."""
     return bool(trace.attempts) or trace.mission.id == state.active

@@ -226,7 +226,7 @@ async def ask_planner(
 
 
 def without_planner(context: MissionContext, retrieved: RetrievedRules) -> PlannerAnswer:
-    """Return the answer that stands for a plan from elsewhere; no model is asked."""
+    """Return an answer for a plan that no planner wrote; no model is asked."""
     model = context.services.planners[0]
     question = ask_for_plan(context.services, retrieved, model=model)
     context.stopwatch.add("picture_s", question.picture_s)

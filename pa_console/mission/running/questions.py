@@ -74,7 +74,7 @@ class OrderQuestions:
     def left_by(
         self, planned: PlanForDecision, understood: Understood | None
     ) -> NotUnderstood | None:
-        """Return the question that a plan leaves open; None if there is none or the limit is reached."""
+        """Return the question that a plan leaves open; None without one, or after too many."""
         if self._count >= MOST_QUESTIONS:
             return None
         question = understood.unsettled if understood is not None else None

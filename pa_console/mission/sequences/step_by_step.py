@@ -43,13 +43,13 @@ class StepByStep:
 
     @property
     def orders_done(self) -> int:
-        """The number of the order's steps that are done; each may have several steps of the plan."""
+        """The number of the order's steps that are done; one may be several steps of the plan."""
         steps = self.approved.planned.steps
         counts = accumulate(len(step.best.examination.plan.steps) for step in steps)
         return sum(count <= self.done for count in counts) if steps else self.done
 
     async def run(self) -> MissionResult | None:
-        """Carry out the plan; return None if all steps are verified, otherwise the mission's result."""
+        """Carry out the plan; return None if all steps are verified, otherwise a result."""
         lacks: list[MissionResult] = []
         for position, numbers in enumerate(self._plan.steps, start=1):
             if due := tuple(number for number in numbers if number not in self._held):
