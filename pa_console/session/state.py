@@ -172,7 +172,7 @@ class SessionState:
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.QuestionAnswered(question=question):
-                pointer = f"asked “{question}”; its trace has the answer"
+                pointer = f"asked “{question}”; the mission's trace has the answer"
                 text = pointer if event.mission else answer_in_words(event.data)
                 self._notice(event, "info", event.mission or "question", text)
             case ev.CameraStill(track=track, camera=camera, problem=problem):
@@ -186,13 +186,13 @@ class SessionState:
                 self.ended = reason
             case ev.SessionResumed():
                 self.ended, self.relieved, self.worker, self.servers = "", "", None, {}
-                text = "goes on after its console ended without closing it"
+                text = "continued after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
             case _:
                 pass
 
     def _apply_to_command(self, event: ev.Event) -> None:
-        """Apply a stop of the team, or a change of its command."""
+        """Apply a stop, or a change of the station in command."""
         match event.data:
             case ev.AllStopped(by=by):
                 orders = self.stop.orders if self.stop is not None else self.loose_orders
@@ -259,8 +259,8 @@ class SessionState:
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
             case ev.StepsPaused(paused=paused, by=by):
-                text = "paused: no further step is sent" if paused else "goes on with its steps"
-                self._notice(event, "warning", event.mission or "", f"{text}, by {by}")
+                text = f"paused by {by}: no further step is sent" if paused else f"resumed by {by}"
+                self._notice(event, "warning", event.mission or "", text)
             case ev.StepsHeld(orders=orders, reason=reason):
                 text = f"not sent: {'; '.join(orders)}: {reason}"
                 self._notice(event, "alarm", event.mission or "", text)
@@ -301,7 +301,7 @@ class SessionState:
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
                 if name in orders:
                     orders[name].withheld = event.data
-                text = f"nothing is started{f' for {subject}' if subject else ''}"
+                text = f"no mission is started{f' for {subject}' if subject else ''}"
                 self._notice(event, "warning", name, f"{text}: {reason}")
             case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in orders:
                 revoked = f"revoked by {by}{f': {reason}' if reason else ''}"
@@ -313,10 +313,10 @@ class SessionState:
                     self._notice(event, "warning", name, f"{change} by {by}")
             case ev.AgentMuted(agent=agent, muted=True, by=by):
                 self.muted_agents |= {agent}
-                self._notice(event, "warning", agent, f"muted by {by}: it may propose nothing")
+                self._notice(event, "warning", agent, f"muted by {by}: it may propose no missions")
             case ev.AgentMuted(agent=agent, by=by):
                 self.muted_agents -= {agent}
-                self._notice(event, "warning", agent, f"may propose again, by {by}")
+                self._notice(event, "warning", agent, f"unmuted by {by}: it may propose missions")
             case ev.SessionEnded():
                 for trace in orders.values():
                     trace.ended = trace.ended or "the session has ended"
@@ -327,11 +327,11 @@ class SessionState:
         match event.data:
             case ev.ManualControlTaken(asset=asset, by=by):
                 self.manual[asset] = ManualTrace(by, event.tick)
-                text = f"under manual control, taken by {by}: nothing is sent to it but a stop"
+                text = f"under manual control, taken by {by}: only a stop is sent to it"
                 self._notice(event, "warning", asset, text)
             case ev.ManualControlEnded(asset=asset, by=by):
                 self.manual.pop(asset, None)
-                text = f"given back by {by}: it takes orders again"
+                text = f"manual control ended by {by}: it accepts commands again"
                 self._notice(event, "warning", asset, text)
             case ev.MissionAwaitsAssets(assets=assets, again="") if event.mission:
                 self.awaiting[event.mission] = assets
@@ -339,11 +339,11 @@ class SessionState:
                 self._notice(event, "warning", event.mission, text)
             case ev.MissionAwaitsAssets(assets=assets, again=again) if event.mission:
                 self.awaiting.pop(event.mission, None)
-                text = f"{', '.join(assets)} back: given anew as {again}"
+                text = f"{', '.join(assets)} available again: queued as {again}"
                 self._notice(event, "info", event.mission, text)
             case ev.AllStopped():
                 for name, assets in self.awaiting.items():
-                    text = f"awaits {', '.join(assets)} no longer: everything is stopped"
+                    text = f"no longer awaits {', '.join(assets)}: everything is stopped"
                     self._notice(event, "warning", name, text)
                 self.awaiting = {}
             case _:
