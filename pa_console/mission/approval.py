@@ -1,4 +1,4 @@
-"""Step 7: the conditions under which a checked plan may be approved, as fixed checks.
+"""Step 7: the fixed conditions under which a checked plan may be approved.
 
 A standing instruction or a standing order may approve a plan without an operator. No person sees
 that plan, so it needs a higher confidence and must meet stricter rules.
@@ -92,11 +92,11 @@ def request_approval(
     judging: bool = True,
     if_halted: Sequence[Action] = (),
 ) -> ApprovalRequested:
-    """Return the request for approval: what blocks the plan, and what the operator must accept.
+    """Return the request for approval, with all that blocks the plan or must be accepted.
 
-    With `judging`, a plan without a verdict is on hold. `if_halted` is the way to safety,
-    which is approved with the plan. If the order was not understood, the request has no plan and
-    no other reading.
+    With `judging`, a plan without a verdict is on hold. `if_halted` is the way to safety, which is
+    approved with the plan. If the order was not understood, the request has no plan and no other
+    reading.
     """
     if read.question:
         return ApprovalRequested(
@@ -138,7 +138,7 @@ def warnings(findings: Iterable[Finding]) -> list[str]:
 def people_needed(
     request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
 ) -> dict[str, int]:
-    """Return the acts in `request` that several people must approve, each with their number.
+    """Return the acts in `request` that several people must approve, with the number of people.
 
     `approvals` maps acts to the number of people that the rules require; `fresh` are the agents
     that have never had an order.
@@ -156,7 +156,7 @@ def people_needed(
 
 
 def people_words(needed: Mapping[str, int]) -> str:
-    """Return the acts that several people must approve, in words, each with their number."""
+    """Return in words which acts need several people, with the number of people."""
     needs = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
     return ", ".join(needs)
 
@@ -169,8 +169,8 @@ def inadmissible(
 ) -> str:
     """Return why `decision` cannot be accepted for `request`; '' if it can.
 
-    `people` is the number of people who have approved the plan. `needed` maps each act that
-    several people must approve to their number.
+    `people` is the number of people who have approved the plan. `needed` maps each act that several
+    people must approve to the number of people.
     """
     if decision.request_id not in ("", request.request_id):
         return "the decision was about another plan, which no longer waits"
@@ -275,8 +275,8 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
 
     If it may have been misread, only an operator may approve the plan.
 
-    Two models that agree may make the same mistake, so the words of the order must also support
-    the reading.
+    Two models that agree may make the same mistake, so the words of the order must also support the
+    reading.
     """
     why = list(request.gaps)
     if request.read_apart:

@@ -42,15 +42,15 @@ MOST_REMEMBERED = 20
 """The number of past missions that are kept, the latest ones, because orders may refer to them."""
 
 Emit = Callable[[EventPayload], None]
-"""Accepts an event; the station logs it before any other part receives it."""
+"""A function that accepts an event; the station logs the event before any other part gets it."""
 
 
 @dataclass
 class PastOrders:
     """The operator's past missions, the latest last, and the object marked on the screen.
 
-    The station keeps them for the session. A mission is added when it ends, unless its
-    plans had no commands.
+    The station keeps them for the session. A mission is added when it ends, unless its plans had no
+    commands.
     """
 
     missions: list[PastMission] = field(default_factory=list[PastMission])
@@ -139,9 +139,9 @@ class Services:
         """Return the services of a new session, with the core rules always in force.
 
         Planner and judge are two roles on `engine`. They use the prompt format of its model unless
-        `prompt_format` is given. A `retriever` that has already indexed the rules saves that
-        time. With an `authority`, approvals and commands are signed. Models on `servers` are asked
-        first while they answer.
+        `prompt_format` is given. A `retriever` that has already indexed the rules saves that time.
+        With an `authority`, approvals and commands are signed. Models on `servers` are asked first
+        while they answer.
         """
         variant = variant or Variant()
         prompt_format = prompt_format or PROMPT_FORMATS[format_in(variant, engine.model.prompts)]
@@ -285,7 +285,7 @@ class MissionContext:
     """The order's words that describe an asset, and the assets that they may mean."""
 
     def as_described(self, text: str, reading: str) -> str:
-        """Return `text` with the described asset's name, if `reading` names just one choice."""
+        """Return `text` with its description replaced by a name, if `reading` names one choice."""
         words, choices = self.described
         named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", reading)]
         return with_answers(text, {words: named[0]}) if len(named) == 1 else text
@@ -310,7 +310,7 @@ class MissionResult:
 
 
 class ForeseenContext:
-    """A source of the context of each step of an order, from the rehearsals of earlier steps."""
+    """The contexts of an order's steps, each from the rehearsals of the steps before it."""
 
     def __init__(self, context: MissionContext) -> None:
         self._context, self._services, self._monitor = context, context.services, context.monitor
@@ -327,7 +327,7 @@ class ForeseenContext:
         self._context.attempts = step.attempts
 
     def went(self, examination: Examination, mission: Mission) -> bool:
-        """Begin later steps at the end of this step's rehearsal; return False if it is blocked."""
+        """Begin later steps at the end of this rehearsal; return False if no step can follow."""
         rehearsal, world = examination.rehearsal, self._services.fleet.world
         if examination.blocked or rehearsal is None:
             return False

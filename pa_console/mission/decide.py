@@ -33,14 +33,14 @@ from pa_console.schema.world import World
 from pa_console.session.confidence import UNSURE
 
 Decide = Callable[[], Awaitable[Decision]]
-"""Waits for the operator's answer after an approval request."""
+"""A function that waits for the operator's answer to a request."""
 
 
 MORE_BELOW = 0.5
 """The confidence of planner or judge below which the planner is asked for other readings."""
 
 _STILL = STILL_TASKS | {"refused"}
-"""Tasks that move no asset."""
+"""The tasks that move no asset."""
 
 MOMENTS_SHOWN = 5
 """The number of moments of a timed order that are shown for its approval."""

@@ -40,7 +40,7 @@ from pa_console.schema.world import World
 _DECIDES: tuple[FindingStatus, ...] = (
     "violates", "error", "complies", "judged_only", "not_applicable",
 )  # fmt: skip
-"""The statuses of findings, most decisive first; of several steps, the most decisive counts."""
+"""The statuses of findings, most decisive first, to combine the findings of several steps."""
 
 
 class CheckBasis(Protocol):

@@ -244,7 +244,7 @@ def gave_up(dispatch: Dispatch) -> Iterator[str]:
 
 
 def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
-    """Return whether a report that must be sent at or after `since_s` is still missing.
+    """Return whether a required report from `since_s` or later is still missing.
 
     No report is expected from an asset that is known to have failed.
     """

@@ -1,9 +1,9 @@
 """The command gate: it sends only commands that a decision allows, and no movement after a stop.
 
-No command passes to an asset under manual control, because a person drives it; only the hold of a
-stop does. Manual control is taken by an operator at this station, or reported by the asset. A
-mission that fails for this reason awaits its assets. Once manual control of all of them has ended,
-the mission is queued again, and planned, checked and approved like any other.
+Only the hold of a stop passes to an asset under manual control, because a person drives the asset.
+Manual control is taken by an operator at this station, or reported by the asset. A mission that
+fails for this reason awaits its assets. Once manual control of all of them has ended, the mission
+is queued again, and planned, checked and approved like any other.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -38,8 +38,8 @@ class CommandGate:
     An approved plan allows each of its commands once. A halted plan allows the way to safety that
     was approved with it. The operator's stop allows a hold for every asset. A command that depends
     on others passes once all of them are verified. The stop is latched: until `release`, only its
-    holds and commands that move nothing pass, whatever was approved before. The gate judges the
-    request and its decision, whoever the caller is.
+    holds and commands that move nothing pass, whatever was approved before. The gate decides by the
+    request and its decision, not by the caller.
 
     No log, no action: a plan's command is on the disk before it is on the link, and no such command
     passes while the `journal` cannot be written. A stop and a way to safety do not wait for the
@@ -94,7 +94,7 @@ class CommandGate:
         return self.refusal or self._authority.objection(rules)
 
     def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
-        """Return the acts in `request` that several people must approve, each with their number."""
+        """Return the acts in `request` that need several people, with the number of people."""
         agents = {action.agent for action in (*request.plan.actions, *request.if_halted)}
         fresh = self._authority.fresh(agents) if self._authority is not None else ()
         return people_needed(request, rules.approvals, fresh)
@@ -150,8 +150,8 @@ class CommandGate:
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
         """Allow the commands of an approved plan from now on, and those of the last plan no longer.
 
-        Raises ValueError while everything is stopped. Otherwise raises ValueError unless `decision`
-        is an admissible approval of `request` by as many people as the `rules` require.
+        Raises ValueError while everything is stopped, or if `decision` is not an admissible
+        approval of `request` by as many people as the `rules` require.
         """
         problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
         if not problem and request.standing is not None:
@@ -296,8 +296,7 @@ class CommandGate:
 
         Returns None and sends nothing if the command is no longer valid: its device has a newer
         command or is under manual control, its plan was halted, everything was stopped, or another
-        station is in command. A plan's movement is also not resent while the log cannot be
-        written.
+        station is in command. A plan's movement is also not resent while the log cannot be written.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
             return None

@@ -204,7 +204,7 @@ async def _taken_instead(
 
 
 def verdict_on(steps: Sequence[Candidate]) -> tuple[Verdict | None, str]:
-    """Return one verdict for all steps of a plan, or the reason why there is none.
+    """Return one verdict for all steps of a plan, or the reason why there is no verdict.
 
     The verdict is Success only if the judge objects to no step.
     """

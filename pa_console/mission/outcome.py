@@ -46,7 +46,7 @@ class WorkflowProgress:
 
     @property
     def settled(self) -> bool:
-        """True unless a workflow without a further phase has yet to end."""
+        """True if every workflow that has no further phase has also ended."""
         return all(run.current is not None or run.ended for run in self._runs.values())
 
     @property

@@ -30,7 +30,7 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Reader, WeighedReading, read_apart
 
 VOUCHED = 0.8
-"""The least confidence of the judge that confirms a reading which has no confidence itself."""
+"""The least confidence with which the judge confirms a reading that has no confidence."""
 
 
 UNTOLD = "not known: how sure the server's model is of what was asked"

@@ -1,4 +1,4 @@
-"""The eight steps of one mission (paper, Section III).
+"""The run of one mission, from its words (step 2) to its report (step 10; paper, Section III).
 
 A mission may take several plans: one for each phase of a workflow, and a new plan whenever a
 premise of the running plan breaks. Each plan is made, checked, judged and approved on its own.
@@ -54,15 +54,15 @@ from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
 
 MAX_VOIDED = 2
-"""The number of plans that changes of the situation may make void before a mission is held."""
+"""The number of plans, made void by changes of the situation, at which a mission is held."""
 MAX_HALTS = 3
-"""The number of halts after each of which a mission is still planned again."""
+"""The largest number of halts after which a mission is still planned again."""
 MAX_TRIES = 2
 """The number of plans that are executed for one task if none of them completes it."""
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 READY_S = 90.0
-"""The longest wait for assets that cannot start yet, in seconds. An autopilot takes half a
-minute to start."""
+"""The longest wait for assets that cannot start yet, in seconds. An autopilot takes half a minute
+to start."""
 WATCH_S = 12.0
 """The time for which the situation is watched after a plan, in seconds."""
 
@@ -139,7 +139,7 @@ class MissionRun:
         return self._understood is not None
 
     def pause(self, *, paused: bool, by: str) -> None:
-        """Pause or resume the steps; raises ValueError if they are already paused or not paused."""
+        """Pause or resume the steps; raises ValueError if that changes nothing."""
         if paused != self._goes_on.is_set():
             is_so = "is paused already" if paused else "is not paused"
             raise ValueError(f"{self.mission.id} {is_so}")

@@ -1,4 +1,4 @@
-"""Step 2 of a mission: the meaning of its words, and orders that the words alone rule out."""
+"""Step 2 of a mission: the reading of its words without a model."""
 
 import asyncio
 from dataclasses import dataclass, replace

@@ -59,8 +59,8 @@ def verify(
 ) -> Verification:
     """Compare the present telemetry with the effects that an executed plan should have (step 9).
 
-    The plan must not have been halted. `step` is the number of `plan` among the steps of
-    the approved plan; 0 for a whole plan.
+    The plan must not have been halted. `step` is the number of `plan` among the steps of the
+    approved plan; 0 for a whole plan.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()
@@ -261,7 +261,7 @@ def ask_about_outcome(
 
 @dataclass(frozen=True)
 class _Verification:
-    """An executed plan, the `attempt` with this number in its mission, which awaits a verdict."""
+    """An executed plan that awaits a verdict; `attempt` is its number in the mission."""
 
     context: MissionContext
     attempt: int
@@ -324,7 +324,7 @@ class OutcomeVerdicts:
 
 
 async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:
-    """Return the requested verdict, or the reason why there is none."""
+    """Return the requested verdict, or the reason why there is no verdict."""
     services = outstanding.context.services
 
     async def ask(model: RoleModel) -> Judgement:

@@ -68,7 +68,7 @@ class Usage(StrictModel):
     )
 
     def going_on(self, whole: "Usage") -> "Usage":
-        """Return the cost of an answer that began with this and was continued with `whole`."""
+        """Return the cost of an answer that was begun at this cost and continued at `whole`."""
         return Usage(
             prompt_tokens=self.prompt_tokens,
             cached_tokens=self.cached_tokens,

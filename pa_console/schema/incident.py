@@ -1,4 +1,4 @@
-"""External events at the checkpoint: single incidents, and scenarios, which are their scripts."""
+"""External events at the checkpoint: incidents, and scenarios, which are scripts of incidents."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -157,7 +157,7 @@ class FalseContact(StrictModel):
 
 
 class RevealTrack(StrictModel):
-    """The true properties of a contact change, which the script has given the name `track`."""
+    """The true properties of a contact change; `track` is the name that the script gave it."""
 
     kind: Literal["turn"] = "turn"
     track: Name

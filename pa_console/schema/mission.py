@@ -302,7 +302,7 @@ class Ban(StrictModel):
     places: tuple[Name, ...] = ()
 
     def forbids(self, agent: str, goal: str | None) -> bool:
-        """Return whether `agent` may not be sent to `goal`, which is None if it stays."""
+        """Return whether `agent` may not be sent to `goal`; None means that it stays."""
         if goal is None or (self.assets and agent not in self.assets):
             return False
         return not self.places or goal in self.places
@@ -323,7 +323,7 @@ class StandingOrder(StrictModel):
     each: SubjectKind | None = Field(
         default=None,
         exclude_if=lambda each: each is None,
-        description="the kind of subject; None without a condition on one",
+        description="the kind of subject; None without a condition",
     )
     condition: str = Field(
         default="",
@@ -345,7 +345,7 @@ class StandingOrder(StrictModel):
         triggers = of_state + (self.schedule is not None) + (self.ban is not None)
         if triggers != 1 or bool(self.condition) != of_state:
             raise ValueError(
-                "a standing order needs one of a condition of something, a schedule and a ban"
+                "a standing order needs exactly one of condition (with each), schedule and ban"
             )
         return self
 

@@ -138,7 +138,7 @@ class GateCover(StrictModel):
     """The cover of a gate: the assets that cover it, and the time for which it had no cover.
 
     `unsure` are assets whose last report places them at the gate but is stale or suspect. If no
-    other asset is at the gate, its cover is unknown and counts as none.
+    other asset is at the gate, its cover is unknown, and it counts as uncovered.
     """
 
     covered: bool

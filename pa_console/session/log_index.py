@@ -1,6 +1,6 @@
 """A saved index of a log: the places of the log's events, a timeline, and keyframes.
 
-A keyframe is the folded session at some event, as JSON without the picture, which is in the log.
+A keyframe is the session folded up to some event, as JSON without the picture, which is in the log.
 The missions are packed one by one, and packed again only if they changed since the previous
 keyframe. After a seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry
 remain to be folded.

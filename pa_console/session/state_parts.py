@@ -9,14 +9,14 @@ from pa_console.session.mission_trace import CommandTrace
 from pa_console.session.wording import contact_in_words
 
 LEFT_OUT = {
-    "outside": "contacts beyond the site are reported, which are not shown",
+    "outside": "contacts beyond the site are reported but not shown",
     "too_many": f"more contacts are reported than are shown: {ev.MOST_CONTACTS} at a time",
-    "unreadable": "the server sends data that are no events, which are left out",
+    "unreadable": "the server sends malformed events, which are left out",
 }
 """The notice about contacts that are not shown, by reason. Each notice is given once."""
 
 GONE = {
-    "stale": "not heard any more",
+    "stale": "report expired",
     "removed": "removed by its sender",
     "left": "beyond the site",
 }
@@ -121,7 +121,7 @@ class ManualTrace:
 
 @dataclass
 class TakTrace:
-    """The connection to a TAK server, which has not changed `since` then, and contacts by uid.
+    """The connection to a TAK server, last changed at `since`, and the contacts by uid.
 
     This is separate from the picture: planning, checks and alarms do not read it.
     """

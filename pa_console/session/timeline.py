@@ -46,7 +46,7 @@ def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
 
 
 def _is_finding(data: ev.EventPayload) -> bool:
-    """Return True if a check, the judge or telemetry objects, or the operator deviates."""
+    """Return True if a check, the judge or telemetry objects, or an operator changes a plan."""
     match data:
         case ev.PlanChecked(findings=findings):
             return any(finding.broken for finding in findings)

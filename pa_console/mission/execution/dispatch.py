@@ -16,7 +16,7 @@ RESEND_S = 1.0
 RESEND_GROWTH = 1.2
 """The factor by which the wait for the next resend grows each time."""
 MOST_GROWTH = 10
-"""The number of times that the wait for the next resend grows; it ends near ASK_AGAIN_S."""
+"""The number of times that the wait for the next resend grows, until it is near ASK_AGAIN_S."""
 
 ASK_AGAIN_S = 6.5
 """The wait before a command is resent to a device that has fallen silent, in seconds."""
@@ -138,8 +138,8 @@ class Dispatch:
         """Return the commands to resend at `tick`, each with its number of resends.
 
         A command without any reply is due after RESEND_S, then at growing intervals. A command
-        whose device has replied and then fallen silent is due after ASK_AGAIN_S. A second call
-        for the same tick returns an empty list.
+        whose device has replied and then fallen silent is due after ASK_AGAIN_S. A second call for
+        the same tick returns an empty list.
         """
         due: list[tuple[DeviceCommand, int]] = []
         for entry in self._open.values():

@@ -1,4 +1,4 @@
-"""The premises of a running plan, and the safe way to stop it if one breaks (WF-01)."""
+"""The premises of a running plan, and the safe way to stop it if a premise breaks (WF-01)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

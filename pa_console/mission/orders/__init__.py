@@ -1,1 +1,1 @@
-"""Standing orders: the state of the picture or the time for which each of them waits."""
+"""Standing orders, which wait for a state of the picture or for a time."""

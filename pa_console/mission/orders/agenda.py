@@ -2,8 +2,7 @@
 
 Every moment of an order is processed once, in turn. It starts a mission, or yields a reason why
 none starts. If the clock is set back, no moment is repeated. After a jump of the clock, or a sleep
-of the machine, a mission starts late only within the grace period, and an event reports the
-delay.
+of the machine, a mission starts late only within the grace period, and an event reports the delay.
 """
 
 from collections.abc import Callable, Iterable, Sequence

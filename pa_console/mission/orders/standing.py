@@ -202,7 +202,7 @@ class StandingOrders:
     def scheduled(
         self, order_id: str, change: Literal["paused", "resumed", "skipped"], by: str, time_s: float
     ) -> StandingOrderScheduled:
-        """Return the event that `by` has made a `change` to an order, with its next moment.
+        """Return the event for a `change` that `by` made to an order, with the next moment.
 
         `time_s` is the present time on the fleet's clock.
         """

@@ -50,7 +50,8 @@ def backfill_commands(
     """Yield added commands that keep gates covered and unknown tracks observed, best first.
 
     With `late`, an asset may take over a gate even if it arrives after the grace time. Nothing is
-    yielded if no asset can do this, or if commands are needed and the `others_stay`.
+    yielded if no asset can do this, or if commands are needed but the other assets have to stay
+    (`others_stay`).
     """
     needs = [*_bare(stands, goals, late=late), *_unseen(stands, goals)]
     if not needs:
@@ -110,7 +111,7 @@ def _is_unseen(stands: StandingAssets, goals: Moves, place: str) -> bool:
 
 
 def bare_s(stands: StandingAssets, goals: Moves) -> float:
-    """Return the total time, in seconds, for which gates left by all guards wait for a new one."""
+    """Return the total time, in seconds, for which gates without guards wait for a new guard."""
     left = (
         [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
         for gate in stands.world.gates
@@ -120,7 +121,7 @@ def bare_s(stands: StandingAssets, goals: Moves) -> float:
 
 
 def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iterator[str]:
-    """Yield `names` except the last guard of each gate other than `place`, which stays (WF-03)."""
+    """Yield `names`, but not the last guard of any gate except `place`: it stays (WF-03)."""
     left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
     for name in names:
         gate = stands.post(name)

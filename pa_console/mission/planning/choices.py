@@ -44,7 +44,7 @@ Way = tuple[Action, ...]
 
 
 class NotInPictureError(Exception):
-    """The plan for an ask depends on facts that the picture does not show."""
+    """An error: the plan for an ask depends on facts that the picture does not show."""
 
 
 class CommandUnit(NamedTuple):
@@ -283,10 +283,10 @@ def commands_serving(
     """Yield the commands of plans for `reading`, each with its candidate agents; best plan first.
 
     The first plans do everything that can be done; later ones drop some of it: first observations
-    of places without a known contact, then the tasks that were asked last. For each of these
-    parts, the plan whose agents the model chooses comes before the one with the console's choice.
-    In a plan, commands that cover a gate come first (WF-03). The last plan is a hold. Nothing is
-    yielded if the console cannot determine the commands.
+    of places without a known contact, then the tasks that were asked last. For each of these parts,
+    the plan whose agents the model chooses comes before the one with the console's choice. In a
+    plan, commands that cover a gate come first (WF-03). The last plan is a hold. Nothing is yielded
+    if the console cannot determine the commands.
     """
     reading = within_capability(reading, world)
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)

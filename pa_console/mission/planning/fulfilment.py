@@ -1,6 +1,6 @@
 """The comparison of a plan with a reading: the plan should do all of it and nothing else.
 
-The reading is a model's (`language/canonical/reading.py`). Parts that cannot be carried out may be
+A model wrote the reading (`language/canonical/reading.py`). Parts that cannot be carried out may be
 missing, and the plan may have additions that the rules require: takeovers of gates and a first
 observation.
 """
@@ -42,7 +42,7 @@ def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
 
 
 def of_everyone(ask: Ask) -> bool:
-    """Return whether `ask` requests a report from every asset at a place, of a kind, or in all."""
+    """Return whether `ask` requests reports of all assets at a place, of a kind, or of the team."""
     team = ask.who
     if ask.task != "report" or team.names:
         return False

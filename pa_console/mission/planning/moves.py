@@ -88,7 +88,7 @@ class PlanMoves:
     def commands(
         self, place: str, verbs: Sequence[Verb] = ENCOUNTERS, names: Sequence[str] = ()
     ) -> list[Action]:
-        """Return the commands with `verbs` for a place; if `names` are given, only theirs."""
+        """Return the commands with `verbs` for a place; `names` limits them to these agents."""
         return [
             action
             for action in self.plan.actions

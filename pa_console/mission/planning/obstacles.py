@@ -275,7 +275,7 @@ def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield the reason why each asset that stays is not moved by an order for all assets."""
+    """Yield why each asset that stays is not moved, although the order asks for all assets."""
     if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
         return
     place = moves.world.base if ask.task == "home" else ask.place

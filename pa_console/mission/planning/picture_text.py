@@ -47,9 +47,9 @@ def digest_picture(picture: Picture, world: World, selection: Selection | None =
     """Return the digest: cover by gate, free assets (best first), sole covers, assets, tracks.
 
     An asset is free if it is available, not low on battery, not on a task for a track, and not the
-    only cover of a gate. With a `selection`, only its assets, gates and tracks are
-    included, and free assets are in its order. Otherwise free assets that cover no gate come first,
-    those with the fullest battery first.
+    only cover of a gate. With a `selection`, only its assets, gates and tracks are included, and
+    free assets are in its order. Otherwise free assets that cover no gate come first, those with
+    the fullest battery first.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = sole_covers(picture)

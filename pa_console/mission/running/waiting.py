@@ -25,7 +25,7 @@ new plan's agents, and after a drift once the plan has waited long."""
 
 
 class _PlanChangedError(Exception):
-    """A change in which rules the waiting plan breaks."""
+    """A change of the set of rules that the waiting plan breaks."""
 
     def __init__(self, examination: Examination) -> None:
         super().__init__("; ".join(examination.broken))

@@ -180,7 +180,7 @@ class StandingOrderRead(Payload):
         description="the fleet's time at the first moment",
     )
     allowed: tuple[str, ...] = Field(
-        default=(), description="commands that it may give without approval by the rules"
+        default=(), description="commands that the rules let it give without approval"
     )
 
 

@@ -180,7 +180,10 @@ class SessionEnded(Payload):
 
 
 class LogTroubled(Payload):
-    """The log cannot be written, so nothing is dispatched; if `problem` is '', it can be again."""
+    """The log cannot be written, so nothing is dispatched.
+
+    If `problem` is '', the log can be written again.
+    """
 
     transient: ClassVar[bool] = True
 

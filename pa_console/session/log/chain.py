@@ -174,7 +174,7 @@ def end_problem(line: bytes) -> str:
         return ""
     if len(line) < LINE_LIMIT:
         return TORN
-    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
+    return f"the line is longer than {LINE_LIMIT >> 20} MiB, the limit for a record"
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:

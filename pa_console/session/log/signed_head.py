@@ -278,7 +278,7 @@ def _words(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class WitnessResult:
-    """The comparison of a log with its witness, which has the number `heads` of its heads.
+    """The comparison of a log with a witness's heads of its session; `heads` is their number.
 
     The heads before the first mismatch cover `records` records. `line` is the line in the witness's
     file with the first head that does not match the log.

@@ -75,8 +75,8 @@ class SoundPart:
 class _NearbyLines:
     """Lines that explain a bad line: equal lines, the next line, and lines with the same numbers.
 
-    `wanted_after` is the later line that has the number of the bad line's place.
-    `own_number_after` is True if a later line has the same number as the bad line.
+    `wanted_after` is the later line that has the number of the bad line's place. `own_number_after`
+    is True if a later line has the same number as the bad line.
     """
 
     following: LogRecord | None = None
