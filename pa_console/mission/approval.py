@@ -1,7 +1,7 @@
-"""Step 7: the conditions for the approval of a checked plan, decided by fixed checks.
+"""Step 7: the fixed conditions under which a checked plan may be approved.
 
-An approval may be given in advance, by a standing instruction or a standing order. No person sees
-such a plan, so it needs a higher confidence and stricter rules.
+A standing instruction or a standing order may approve a plan without an operator. No person sees
+that plan, so it needs a higher confidence and must meet stricter rules.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ _ACTS = {
 }
 
 SURE_ENOUGH = 0.9
-"""The lowest confidence in a reading with which a standing order approves a plan."""
+"""The least confidence in its reading that a plan needs to be approved by a standing order."""
 
 Approver = Callable[[ev.ApprovalRequested], Decision]
 ApprovalMode = Literal["auto", "never"]
@@ -35,7 +35,7 @@ ApprovalMode = Literal["auto", "never"]
 
 @dataclass(frozen=True)
 class CheckedPlan:
-    """A plan with its findings and the judge's verdict, or the reason why there is none."""
+    """A plan with its findings and the judge's verdict, or the reason why there is no verdict."""
 
     plan: Plan
     findings: Sequence[Finding] = ()
@@ -92,10 +92,11 @@ def request_approval(
     judging: bool = True,
     if_halted: Sequence[Action] = (),
 ) -> ApprovalRequested:
-    """Return the approval request with its blocks, points to acknowledge, and any objection.
+    """Return the request for approval, with all that blocks the plan or must be accepted.
 
-    With `judging`, a plan without a verdict is on hold. `if_halted` is approved with the plan. The
-    request for an order that was not understood proposes no plan and no other reading.
+    With `judging`, a plan without a verdict is on hold. `if_halted` is the way to safety, which is
+    approved with the plan. If the order was not understood, the request has no plan and no other
+    reading.
     """
     if read.question:
         return ApprovalRequested(
@@ -137,10 +138,10 @@ def warnings(findings: Iterable[Finding]) -> list[str]:
 def people_needed(
     request: ApprovalRequested, approvals: Mapping[str, int], fresh: Collection[str] = ()
 ) -> dict[str, int]:
-    """Return the parts of `request` that several people must approve, with their number.
+    """Return the acts in `request` that several people must approve, with the number of people.
 
-    `approvals` are the numbers that the rules require; `fresh` are the agents that have never had
-    an order.
+    `approvals` maps acts to the number of people that the rules require; `fresh` are the agents
+    that have never had an order.
     """
     actions = (*request.plan.actions, *request.if_halted)
     acts = dict.fromkeys(action.verb for action in actions)
@@ -155,7 +156,7 @@ def people_needed(
 
 
 def people_words(needed: Mapping[str, int]) -> str:
-    """Return the parts that more than one person must approve, in words."""
+    """Return in words which acts need several people, with the number of people."""
     needs = (f"{_ACTS.get(act, act)} needs {people} people" for act, people in needed.items())
     return ", ".join(needs)
 
@@ -168,8 +169,8 @@ def inadmissible(
 ) -> str:
     """Return why `decision` cannot be accepted for `request`; '' if it can.
 
-    `people` is the number of people who have approved; `needed` has the parts that need more than
-    one.
+    `people` is the number of people who have approved the plan. `needed` maps each act that several
+    people must approve to the number of people.
     """
     if decision.request_id not in ("", request.request_id):
         return "the decision was about another plan, which no longer waits"
@@ -226,19 +227,19 @@ def standing_approver(
 ) -> Approver:
     """Return the approver that follows a standing instruction given before the mission.
 
-    If the order has other readings, the approver first chooses the one with the number `reading`,
-    if there is one (evaluations only); 0 keeps the first reading.
+    In evaluations, the approver first chooses the other reading with the number `reading`, if the
+    request offers it; 0 keeps the first reading.
 
     `auto` approves every plan that may be approved, and acknowledges warnings. It overrides a
-    judge's Failure only with `override_reason`, which is logged with that decision alone. `never`
+    judge's Failure only with `override_reason`, which is logged only with that decision. `never`
     rejects every plan.
 
     Because no person sees the plan, its reading must not be in `doubt`: the plan must be in the
     state `approve` or `warned`, with a confidence of at least `least`, 0 to 1. A `least` of None
-    skips both conditions, for evaluations, which need the truth of every plan. An order that was
-    not understood is never approved.
+    skips both conditions, for evaluations, which measure every plan. An order that was not
+    understood is never approved.
 
-    `origin` is the origin of the instruction in the log; by default, the command line.
+    `origin` names the source of the instruction in the log; by default, the command line.
     """
     chosen: list[str] = []
 
@@ -270,10 +271,12 @@ def standing_approver(
 
 
 def doubt(request: ev.ApprovalRequested, least: float) -> str:
-    """Return why the order may have been misread, so that only an operator may approve; or ''.
+    """Return why the order may have been misread; '' if its reading is certain enough.
 
-    Two models that agree may make the same mistake, so the words of the order must support the
-    reading as well.
+    If it may have been misread, only an operator may approve the plan.
+
+    Two models that agree may make the same mistake, so the words of the order must also support the
+    reading.
     """
     why = list(request.gaps)
     if request.read_apart:
@@ -290,10 +293,11 @@ def doubt(request: ev.ApprovalRequested, least: float) -> str:
 def unasked_decision(
     order: StandingOrder, request: ev.ApprovalRequested, allowed: Collection[Verb]
 ) -> Decision | None:
-    """Return the decision of a standing `order` on its own plan; None if it makes none.
+    """Return the decision of a standing `order` on its mission's plan; None if it makes none.
 
-    The rules name the commands that are `allowed`. A plan that several people must approve is
-    rejected. Any other plan that the standing order may not approve waits for the operator.
+    `allowed` are the commands that the rules permit without approval. A plan that several people
+    must approve is rejected. Any other plan that the standing order may not approve waits for the
+    operator.
     """
     if not order.unasked or not allowed:
         return None

@@ -42,15 +42,15 @@ MOST_REMEMBERED = 20
 """The number of past missions that are kept, the latest ones, because orders may refer to them."""
 
 Emit = Callable[[EventPayload], None]
-"""Accepts an event; the station logs it before any other part receives it."""
+"""A function that accepts an event; the station logs the event before any other part gets it."""
 
 
 @dataclass
 class PastOrders:
-    """The operator's past missions, the latest last, and the mark on the screen.
+    """The operator's past missions, the latest last, and the object marked on the screen.
 
-    The station keeps them for the session. A mission is added when it ends, unless nothing was
-    ordered for it.
+    The station keeps them for the session. A mission is added when it ends, unless its plans had no
+    commands.
     """
 
     missions: list[PastMission] = field(default_factory=list[PastMission])
@@ -58,13 +58,13 @@ class PastOrders:
     """The asset, gate or track that the operator has marked; '' for none."""
 
     def scene(self, world: World, picture: Picture) -> ReferenceScene:
-        """Return the possible referents of an order's words in `picture`."""
+        """Return the assets, places and tracks that an order's words may refer to in `picture`."""
         return ReferenceScene(world, picture, tuple(self.missions), self.pointer)
 
     def remember(
         self, mission: Mission, moves: Iterable[Move], *, undid: bool, corrects: bool
     ) -> None:
-        """Add a past mission if the operator gave it and its `moves` are not empty."""
+        """Add a past mission if the operator gave it and it has any `moves`."""
         first: dict[str, Move] = {}
         for move in moves:
             before = first.setdefault(move.agent, move).before
@@ -77,7 +77,7 @@ class PastOrders:
 
 
 def ordered_by(plan: Plan, picture: Picture) -> tuple[Move, ...]:
-    """Return a plan's orders, each with the agent's post or place in `picture`."""
+    """Return the moves that a plan orders, each from the agent's post or place in `picture`."""
     return tuple(
         Move(action.agent, action.verb, action.target or "", _place(picture, action.agent))
         for action in plan.actions
@@ -91,9 +91,9 @@ def _place(picture: Picture, name: str) -> str:
 
 @dataclass(frozen=True)
 class Services:
-    """The fleet, the policy and the roles of the models; `variant` selects the safeguards in use.
+    """The fleet, the rules and the models of a session; `variant` selects the active safeguards.
 
-    All safeguards are in use, except in ablations, which run only in evaluations.
+    All safeguards are active, except in the ablations of an evaluation.
     """
 
     fleet: Fleet
@@ -108,19 +108,19 @@ class Services:
     gate: CommandGate
     """The gate for every command to a device; only the gate calls `fleet.send`."""
     sightings: Sightings
-    """The sightings of this session; the station keeps them."""
+    """The sightings of this session, which the station keeps."""
     pursuits: Pursuits
-    """The pursuits of this session; the missions' monitors keep them."""
+    """The pursuits of this session, which the missions' monitors keep."""
     standing: StandingOrders
-    """The standing orders in force in this session; the station keeps them."""
+    """The standing orders in force in this session, which the station keeps."""
     second_reader: Judge | ClauseReader | None = None
-    """The reader that reads an order again if planner or judge is unsure."""
+    """The model that reads an order again if the planner or the judge is unsure."""
     early: EarlyAnswers = field(default_factory=EarlyAnswers)
     """The local models' answers to a draft of an order, given before it was sent."""
     servers: Servers = NO_SERVERS
     """Models on servers, which are asked before the local models."""
     past: PastOrders = field(default_factory=PastOrders)
-    """The orders given in this session; the station keeps them."""
+    """The orders given in this session, which the station keeps."""
     top_k: int = 3
 
     @classmethod
@@ -139,9 +139,9 @@ class Services:
         """Return the services of a new session, with the core rules always in force.
 
         Planner and judge are two roles on `engine`. They use the prompt format of its model unless
-        `prompt_format` is given. A `retriever` that has already read the rules saves the time to
-        index them. With an `authority`, people and the station sign approvals and commands. Models
-        on `servers` are asked first, as long as they answer.
+        `prompt_format` is given. A `retriever` that has already indexed the rules saves that time.
+        With an `authority`, approvals and commands are signed. Models on `servers` are asked first
+        while they answer.
         """
         variant = variant or Variant()
         prompt_format = prompt_format or PROMPT_FORMATS[format_in(variant, engine.model.prompts)]
@@ -169,12 +169,12 @@ class Services:
 
     @property
     def planners(self) -> tuple[RoleModel, ...]:
-        """The models to ask for a plan, in this order, until one answers."""
+        """The models to ask for a plan, one after another, until one answers."""
         return self._on_server("planner")
 
     @property
     def judges(self) -> tuple[RoleModel, ...]:
-        """The models to ask for a verdict, in this order, until one answers."""
+        """The models to ask for a verdict, one after another, until one answers."""
         return self._on_server("judge")
 
     @property
@@ -184,14 +184,14 @@ class Services:
         return ClauseReader(server) if server is not None and server.usable else None
 
     def _on_server(self, use: ServerUse) -> tuple[RoleModel, ...]:
-        """Return the server's model for `use`, if the server answers, and then the local one."""
+        """Return the model for `use` on a server that answers, if any, and then the local model."""
         own = RoleModel(self.planner, self.judge, self.prompt_format)
         server = self.servers.by_use.get(use)
         return (RoleModel.on(server), own) if server is not None and server.usable else (own,)
 
     @property
     def scene(self) -> ReferenceScene:
-        """The possible referents of words at present."""
+        """The assets, places and tracks that an order's words may refer to at present."""
         return self.past.scene(self.fleet.world, self.fleet.picture())
 
     def with_rules(self, rulebook: Rulebook) -> Self:
@@ -203,7 +203,7 @@ class Services:
         """Return the services for a draft, which is planned but never carried out.
 
         Only the local models are asked, and their answers are kept. The gate passes no command, and
-        the draft leaves no trace for later missions.
+        the draft does not affect later missions.
         """
         engine, ahead, prompt_format = self.engine, self.early.ahead, self.prompt_format
         gate = CommandGate(self.fleet, Journal())
@@ -228,7 +228,7 @@ def _second_reader(
 ) -> Judge | ClauseReader | None:
     """Return the second reader: a trained judge for the compact format, otherwise a clause reader.
 
-    `wrap` wraps its model.
+    `wrap` wraps the model that it asks.
     """
     second = engine.second_reader
     if second is None or second.model.prompts != "compact":
@@ -238,7 +238,7 @@ def _second_reader(
 
 @dataclass
 class Stopwatch:
-    """A sum of the seconds of each stage, under the field names of Metrics."""
+    """The total seconds of each stage, by its field name in Metrics."""
 
     seconds: dict[str, float] = field(default_factory=dict[str, float])
     started: float = field(default_factory=perf_counter)
@@ -257,7 +257,7 @@ class Stopwatch:
             self.add(stage, perf_counter() - begin)
 
     def metrics(self, attempts: int, plans: int = 0, halts: int = 0) -> Metrics:
-        """Return all measurements so far; the end-to-end time runs until now."""
+        """Return all measurements so far; the end-to-end time ends now."""
         return Metrics.model_validate(
             {
                 **self.seconds,
@@ -277,21 +277,21 @@ class MissionContext:
     mission: Mission
     emit: Emit
     monitor: Monitor
-    """The monitor that has followed the mission so far; steps only read it."""
+    """The monitor that has followed the mission so far, which the steps only read."""
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
     attempts: int = 0
-    """The number of plans so far: answers of the planner and plans of the operator."""
+    """The number of plans so far: the planner's answers and the operator's own plans."""
     described: tuple[str, tuple[str, ...]] = ("", ())
     """The order's words that describe an asset, and the assets that they may mean."""
 
     def as_described(self, text: str, reading: str) -> str:
-        """Return `text` with a name for the description, if `reading` names exactly one choice."""
+        """Return `text` with its description replaced by a name, if `reading` names one choice."""
         words, choices = self.described
         named = [name for name in choices if re.search(rf"\b{re.escape(name)}\b", reading)]
         return with_answers(text, {words: named[0]}) if len(named) == 1 else text
 
     def turn_to_own(self, failed: RoleModel, error: str) -> None:
-        """Emit a notice that the local model takes over from one on a server."""
+        """Emit a notice that the local model takes over from the `failed` model on a server."""
         text = f"{failed.where} {error}; {self.services.engine.model.name} on this machine answers"
         self.emit(Noticed(level="warning", subject="model server", text=text))
 
@@ -310,7 +310,7 @@ class MissionResult:
 
 
 class ForeseenContext:
-    """The context of each step of an order, from the rehearsals of the steps before it."""
+    """The contexts of an order's steps, each from the rehearsals of the steps before it."""
 
     def __init__(self, context: MissionContext) -> None:
         self._context, self._services, self._monitor = context, context.services, context.monitor
@@ -323,11 +323,11 @@ class ForeseenContext:
         )
 
     def end(self, step: MissionContext) -> None:
-        """Continue the count of plans from that of a step."""
+        """Take over the number of plans so far from a step's context."""
         self._context.attempts = step.attempts
 
     def went(self, examination: Examination, mission: Mission) -> bool:
-        """Record a step's rehearsal for the steps after it; return False if the step is blocked."""
+        """Begin later steps at the end of this rehearsal; return False if no step can follow."""
         rehearsal, world = examination.rehearsal, self._services.fleet.world
         if examination.blocked or rehearsal is None:
             return False

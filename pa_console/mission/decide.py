@@ -35,14 +35,14 @@ from pa_console.schema.world import World
 from pa_console.session.confidence import UNSURE
 
 Decide = Callable[[], Awaitable[Decision]]
-"""Waits for the operator's answer after an approval request."""
+"""A function that waits for the operator's answer to a request."""
 
 
 MORE_BELOW = 0.5
-"""The confidence of planner or judge below which the planner's other readings are requested."""
+"""The confidence of planner or judge below which the planner is asked for other readings."""
 
 _STILL = STILL_TASKS | {"refused"}
-"""Tasks that move no asset."""
+"""The tasks that move no asset."""
 
 MOMENTS_SHOWN = 5
 """The number of moments of a timed order that are shown for its approval."""
@@ -50,10 +50,10 @@ MOMENTS_SHOWN = 5
 
 @dataclass(frozen=True)
 class Readings:
-    """The reading on show and those `offered` beside it, the likeliest first."""
+    """The reading of the proposed plan, and the others that are `offered`, the likeliest first."""
 
     own: str = ""
-    """The reading of the plan on show; '' if no other reading is offered."""
+    """The reading of the proposed plan; '' if no other reading is offered."""
     offered: tuple[str, ...] = ()
 
 
@@ -79,7 +79,7 @@ async def decide(
 ) -> AdmissibleDecision:
     """Request approval of a plan (step 7) until there is an admissible decision.
 
-    The request offers the other possible readings of the order; those in `before` remain on offer.
+    The request offers other possible readings of the order, including those offered `before`.
     """
     shown, world = planned.best, context.services.fleet.world
     examination = shown.examination
@@ -115,10 +115,10 @@ async def decide(
 async def _reconsider(
     context: MissionContext, planned: PlanForDecision, before: Readings
 ) -> Readings:
-    """Return the other possible readings: first those of other readers, then the planner's.
+    """Return the readings to offer: first those of other readers, then others of the planner.
 
-    The planner is asked for others only if a model is unsure. A reading that the operator has
-    chosen is not read again. An order in steps has no other readings on offer.
+    The planner is asked for other readings only if a model is unsure. If the operator has chosen a
+    reading, the order is not read again. For an order in steps, no other readings are offered.
     """
     looked_at, shown = context.services.variant.readings, planned.best
     if not looked_at or planned.steps or planned.by_grammar:
@@ -143,11 +143,11 @@ async def _reconsider(
 async def answered(
     context: MissionContext, request: ev.ApprovalRequested, decide: Decide
 ) -> AdmissibleDecision:
-    """Emit `request` and wait for an admissible decision, by as many people as the rules require.
+    """Emit `request` and wait for an admissible decision by as many people as the rules require.
 
-    An approval by too few people is kept until the request is answered. Signatures from elsewhere
-    are added to it, but every approval needs the operator of this station. A plan whose commands
-    this station could not send is blocked.
+    An approval by too few people is kept, and signatures from other stations are added to it. In
+    any case, the operator of this station must approve. If this station could not send the plan's
+    commands, the plan is blocked.
     """
     gate, rules = context.services.gate, context.services.rulebook
     origin = {"approvals": gate.needed(request, rules), "proposed_by": context.mission.agent}
@@ -186,7 +186,7 @@ async def answered(
 
 
 def countersignature(signed: PlanCountersignature) -> Decision:
-    """Return a signature from elsewhere as an approval."""
+    """Return a signature from another station as an approval."""
     return Decision(
         kind="approve",
         request_id=signed.request_id,
@@ -199,7 +199,7 @@ def countersignature(signed: PlanCountersignature) -> Decision:
 def _countersigns(
     request: ev.ApprovalRequested, decision: Decision, before: Mapping[str, str]
 ) -> bool:
-    """Return whether a decision from elsewhere adds a signature, and several are required.
+    """Return whether a decision from another station adds a signature that the request needs.
 
     `before` are the signatures so far.
     """
@@ -234,8 +234,8 @@ async def offer_standing(
 ) -> MissionResult:
     """Request approval of a standing order, and put it in force once an operator approves it.
 
-    From then on it starts its missions without another approval of the standing order. An order
-    that cannot be in force beside the others is blocked.
+    From then on, the standing order starts its missions and needs no further approval itself. The
+    request is blocked if the order cannot be in force beside the others.
     """
     order, standing = offered.order, context.services.standing
     allowed = context.services.rulebook.unasked if order.unasked else ()
@@ -280,8 +280,8 @@ async def ask_back(
 ) -> str | MissionResult:
     """Ask the operator what the order means, and return the answer.
 
-    `number` counts the earlier questions about this mission. The request has no plan, so an answer
-    approves nothing.
+    `number` is the number of earlier questions about this mission. The request has no plan, so an
+    answer approves nothing.
     """
     context.emit(
         ev.QuestionAsked(question=question.question, said=question.words, choices=question.choices)
@@ -299,16 +299,16 @@ async def ask_back(
 
 
 def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | None:
-    """Return a question about the place that is meant; None unless only the place is unclear.
+    """Return a question about an unknown place in the order; None if that is not its only fault.
 
-    Each choice is the whole order with one place of the site. There are no choices if the reading
-    names an asset that does not exist.
+    Each choice is the whole order with one of the site's places filled in. There are no choices if
+    the reading names an asset that does not exist.
     """
     shown = planned.best
     reading = shown.asked.removeprefix(ASKED)
     if shown.own or reading.count(NOWHERE) != 1 or reading.startswith("if "):
         return None
-    if len(planned.readings) > 1:  # another reader has read a known place
+    if len(planned.readings) > 1:  # another reader has named a place that exists
         return None
     if any(action.verb != "hold" for action in shown.examination.plan.actions):
         return None
@@ -326,8 +326,8 @@ def unknown_place(planned: PlanForDecision, world: World) -> NotUnderstood | Non
 def unsettled(planned: PlanForDecision, question: NotUnderstood | None) -> NotUnderstood | None:
     """Return `question`, or None if the models have settled which assets the words describe.
 
-    They have settled it if the plan's reading is likely, no other reading is plausible, no word is
-    evidence against it, and the plan uses one of the question's choices.
+    The models have settled it if the plan's reading is likely, no other reading is plausible, no
+    word contradicts the reading, and the plan uses one of the question's choices.
     """
     if question is None:
         return None

@@ -1,4 +1,4 @@
-"""Step 5: the checks of a plan: its structure, its rehearsal, and every rule in force.
+"""Step 5: the examination of a plan: its structure, its rehearsal, and every rule in force.
 
 All rules in force are checked, not only the retrieved ones.
 """
@@ -40,11 +40,11 @@ from pa_console.schema.world import World
 _DECIDES: tuple[FindingStatus, ...] = (
     "violates", "error", "complies", "judged_only", "not_applicable",
 )  # fmt: skip
-"""The statuses of findings, the most decisive first, to combine the findings of several steps."""
+"""The statuses of findings, most decisive first, to combine the findings of several steps."""
 
 
 class CheckBasis(Protocol):
-    """The basis of an examination: a fleet's present state, the rules in force, the safeguards."""
+    """The basis of an examination: the fleet's present state, the rules, and the safeguards."""
 
     @property
     def fleet(self) -> Outlook:
@@ -65,9 +65,9 @@ class CheckBasis(Protocol):
 def assume_done(before: Picture, world: World, plan: Plan) -> Rehearsal:
     """Return a rehearsal of `plan` in which every agent reaches its goal at once.
 
-    This is for the ablation without rehearsal. Nothing happens on the way, so it finds no gap,
-    obstacle or encounter, and no zones but those of the goals. The duration is that of the longest
-    straight way at full speed, in seconds.
+    This is for the ablation without rehearsal. Nothing happens on the way, so the rehearsal has no
+    gap, obstacle or encounter, and only the zones that contain the goals. Its duration is that of
+    the longest straight way at full speed.
     """
     goals = {a.agent: goal for a in plan.actions if (goal := goes_to(a, world))}
     assets = {
@@ -149,7 +149,7 @@ def _seconds(before: Picture, world: World, goals: dict[str, str]) -> Iterator[f
 
 @dataclass(frozen=True)
 class Examination:
-    """The findings on a plan; `rehearsal` is None if the plan cannot even be started."""
+    """The findings on a plan; `rehearsal` is None if the plan's structure is invalid."""
 
     plan: Plan
     findings: tuple[Finding, ...]
@@ -157,11 +157,11 @@ class Examination:
     checks_s: float
     rehearsal_s: float
     steps: tuple[Rehearsal, ...] = ()
-    """The rehearsal of each step, up to the last that was rehearsed."""
+    """The rehearsal of each step that was rehearsed."""
 
     @property
     def before(self) -> tuple[Picture, ...]:
-        """The picture at the start of each step, up to the last that was rehearsed."""
+        """The picture at the start of each step that was rehearsed."""
         whole = (self.rehearsal,) if self.rehearsal is not None else ()
         return tuple(step.before for step in self.steps or whole)
 
@@ -172,17 +172,17 @@ class Examination:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Each rule that blocks the plan, with its violation."""
+        """The rules that block the plan, each with the violation."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.blocking)
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Each broken rule with its violation, warnings included."""
+        """The broken rules, each with the violation; warnings are included."""
         return tuple(f"{f.rule_id}: {f.message}" for f in self.findings if f.broken)
 
     @property
     def badness(self) -> tuple[int, int]:
-        """The numbers of blocking findings and of warnings; a smaller pair is better."""
+        """The number of blocking findings and the number of warnings; a smaller pair is better."""
         blocking = sum(finding.blocking for finding in self.findings)
         return blocking, len(self.broken) - blocking
 
@@ -230,14 +230,14 @@ async def examine(  # noqa: PLR0917
     order: str = "",
     standing: StandingOrders | None = None,
 ) -> Examination:
-    """Check `plan` against the present picture: first its structure, then by rehearsal.
+    """Check `plan` in the present picture: first its structure, then the rules in a rehearsal.
 
-    A plan may do nothing that an order in `standing` bans. `order` is the whole order if `mission`
-    is a phase of it: its exclusions hold in each phase. Ordering rules continue from the history of
-    `monitor`, which has followed the mission so far. A `variant` may leave out the rules or the
-    rehearsal, but an order that no asset can carry out is always reported. Every step of a plan is
-    checked as a plan of its own, against the forecast for its start. The rules are checked in a
-    separate thread, so that a slow rule file delays neither telemetry nor STOP.
+    The plan must contain no movement that an order in `standing` bans. If `mission` is a phase of a
+    workflow, `order` is the text of the whole order, whose exclusions hold in each phase. Ordering
+    rules continue from the history of `monitor`, which has followed the mission so far. A `variant`
+    may skip the rules or the rehearsal, but the structure, exclusions and bans are always checked.
+    Every step of a plan is checked as a plan of its own, in the forecast for its start. The rules
+    are checked in a separate thread, so that a slow rule file delays neither telemetry nor STOP.
     """
     variant = variant or Variant()
     started = perf_counter()
@@ -274,7 +274,7 @@ async def examine(  # noqa: PLR0917
 
 
 def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSteps:
-    """Return the rehearsals of the steps of `plan` as if each were done at once."""
+    """Return the rehearsals of the steps of `plan` with every step done at once."""
     steps: list[Rehearsal] = []
     for numbers in plan.steps:
         steps.append(assume_done(before, world, plan.part(numbers)))
@@ -283,7 +283,7 @@ def _assume_steps_done(before: Picture, world: World, plan: Plan) -> RehearsedSt
 
 
 def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
-    """Yield a critical finding if a step does not end in the rehearsal and so ends the plan."""
+    """Yield a critical finding if a step does not end in the rehearsal; no step can follow it."""
     if len(run.steps) == len(plan.steps):
         return
     lines = run.steps[-1].timeline.assets
@@ -300,8 +300,8 @@ def _unreached(plan: Plan, run: RehearsedSteps) -> Iterator[Finding]:
 def _checked_steps(plan: Plan, run: RehearsedSteps) -> Iterator[tuple[Plan, Rehearsal]]:
     """Yield each step as a plan of its own, with its rehearsal.
 
-    So every rule is checked in every intermediate state. The last step has the moments of all
-    steps, and the others have none, so that ordering rules are checked once.
+    This way, every rule is checked in every intermediate state. Only the last rehearsal has
+    moments, those of all steps, so that ordering rules are checked once.
     """
     last = len(run.steps) - 1
     for number, (numbers, step) in enumerate(zip(plan.steps, run.steps, strict=False)):

@@ -1,4 +1,4 @@
-"""Step 8 of a mission: dispatch of a plan, its end or halt, and the wait for evidence."""
+"""Step 8 of a mission: a plan from its dispatch to its end or halt, and the wait for evidence."""
 
 from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,13 +16,13 @@ from pa_console.schema.rehearsal import OrderMoment
 from pa_console.schema.telemetry import AssetTelemetry, GateCover, Picture
 
 MARGIN_S = 20.0
-"""The time that a plan may take beyond twice its rehearsed duration, in seconds."""
+"""The time that a plan may take in addition to twice its rehearsed duration, in seconds."""
 EPSILON_S = 1e-6
 EVIDENCE_S = 8.0
 """The longest wait for fresh telemetry after every command has ended, in seconds."""
 
 SAFETY_S = 10.0
-"""The time for which the commands of a safe state are followed and resent, in seconds."""
+"""The longest time for which the commands to a safe state are followed and resent, in seconds."""
 
 TOLD_S = 2.0
 """The longest wait for telemetry that shows the assets in their safe state, in seconds."""
@@ -41,7 +41,7 @@ class ExecutedPlan:
 
 @dataclass(frozen=True)
 class ApprovedStep:
-    """Actions of an approved plan that are sent together, by their `numbers` in the plan.
+    """The actions of an approved plan that are sent together; `numbers` are their numbers in it.
 
     `examination` covers only these actions; `goes_on` is True if other steps follow.
     """
@@ -59,7 +59,7 @@ class ApprovedStep:
 
     @property
     def commands(self) -> tuple[DeviceCommand, ...]:
-        """The commands of the step, with the ids that the approval gave them."""
+        """The commands of the step, with their ids from the approval request."""
         commands = device_commands(self.request.plan, self.request.request_id)
         return tuple(commands[number - 1] for number in self.numbers)
 
@@ -97,11 +97,11 @@ class Execution:
         self._breaches.append(broken)
 
     async def run(self, step: ApprovedStep) -> ExecutedPlan:
-        """Send every command of a step and follow each until its outcome can be shown (step 8).
+        """Send every command of a step, and follow it until there is evidence of its outcome.
 
-        A broken premise or ordering halts the plan to the safe state that was approved with it. A
-        plan is also halted if its approval cannot be logged, before any command is sent, or if the
-        gate refuses one of its commands.
+        If a premise or an ordering is broken, the plan is halted and the way to safety that was
+        approved with it is sent. The plan is also halted if the gate refuses a command, or before
+        any command is sent if the approval cannot be logged.
         """
         approved, request = step.examination, step.request
         fleet, gate, emit = self._services.fleet, self._services.gate, self._context.emit
@@ -146,8 +146,8 @@ class Execution:
     def halt(self) -> tuple[DeviceCommand, ...]:
         """Halt the plan and return the commands that bring its moving assets to a safe state.
 
-        The caller sends them. There are none during a stop, because every asset holds then. If the
-        plan was already halted, only unanswered commands are returned.
+        The caller sends them. During a stop, no commands are returned, because every asset holds.
+        If the plan was already halted, only the commands without a final reply are returned.
         """
         stopping, self._stopping = self._stopping, None
         under_way = self._dispatch.open_agents if self._dispatch is not None else ()
@@ -193,10 +193,10 @@ class Execution:
     async def _to_safety(
         self, attempt: int, reasons: tuple[str, ...], steps: AsyncIterator[Step]
     ) -> None:
-        """Bring the agents under way to a safe state and wait until telemetry shows it.
+        """Bring the agents under way to a safe state, and wait until telemetry shows them there.
 
-        The next plan is made from that picture; in an earlier one, the agents are still on their
-        way.
+        The next plan is made from that picture, because an earlier picture would still show the
+        agents on their way.
         """
         fleet = self._services.fleet
         commands = self.halt()
@@ -244,9 +244,9 @@ def gave_up(dispatch: Dispatch) -> Iterator[str]:
 
 
 def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
-    """Return whether a report sent at or after `since_s` is still missing.
+    """Return whether a required report from `since_s` or later is still missing.
 
-    None is expected from an asset that is known to have failed.
+    No report is expected from an asset that is known to have failed.
     """
     agents = {action.agent for action in plan.actions}
     for cover in picture.gates.values():
@@ -266,13 +266,13 @@ def needs_more_evidence(plan: Plan, picture: Picture, since_s: float) -> bool:
 
 
 def cover_stamp(cover: GateCover, picture: Picture) -> float:
-    """Return the time of the latest report that places an asset at the gate; 0 if there is none."""
+    """Return the time of the latest report of an asset that covers the gate; 0 without one."""
     stamps = (picture.assets[name].stamp_s for name in cover.by if name in picture.assets)
     return max(stamps, default=0.0)
 
 
 def doubt_of(asset: AssetTelemetry, picture: Picture, end_s: float) -> str:
-    """Return why the asset's latest report is no evidence; '' if it is."""
+    """Return why the asset's latest report is no evidence; '' if it is evidence."""
     age = picture.time_s - asset.stamp_s
     if asset.integrity == "suspect":
         return "its telemetry is suspect"

@@ -1,9 +1,9 @@
-"""The command gate: it sends only commands that were decided on, and no movement after a stop.
+"""The command gate: it sends only commands that a decision allows, and no movement after a stop.
 
-Nothing passes to an asset under manual control, because a person drives it. An operator takes
-manual control here, or the fleet reports it. A mission that fails for that reason awaits its
-assets. Once all of them are returned, it is queued again, and planned, checked and approved like
-any other.
+Only the hold of a stop passes to an asset under manual control, because a person drives the asset.
+Manual control is taken by an operator at this station, or reported by the asset. A mission that
+fails for this reason awaits its assets. Once manual control of all of them has ended, the mission
+is queued again, and planned, checked and approved like any other.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,28 +29,29 @@ if TYPE_CHECKING:
 STOPPED = "everything is stopped, and nobody has released the stop"
 UNDECIDED = "it is part of no approved plan and of no declared way to safety"
 Passage = ev.CommandSent | ev.CommandRefused
-"""The result of a command at the gate: sent or refused."""
+"""The result for a command at the gate: it was sent or refused."""
 
 
 class CommandGate:
     """The last check before the link: a command passes only if a decision allows it.
 
-    Such decisions are an approved plan (each of its commands once), the way to safety that was
-    declared with it (once the plan is halted), and the operator's own stop. A command that depends
+    An approved plan allows each of its commands once. A halted plan allows the way to safety that
+    was approved with it. The operator's stop allows a hold for every asset. A command that depends
     on others passes once all of them are verified. The stop is latched: until `release`, only its
     holds and commands that move nothing pass, whatever was approved before. The gate decides by the
-    request and its decision, not by the caller or the moment.
+    request and its decision, not by the caller.
 
-    No log, no action: a plan's command is on the disk before it is on the link, and none passes
-    while the `journal` cannot be written. A stop and a way to safety do not wait for the disk.
+    No log, no action: a plan's command is on the disk before it is on the link, and no such command
+    passes while the `journal` cannot be written. A stop and a way to safety do not wait for the
+    disk.
 
     If the rules require several people, a command passes once that many have signed its approval.
-    Without an `authority` there are no signatures, and a decision counts as one person's. A
+    Without an `authority` there are no signatures, and a decision counts as that of one person. A
     decision by one of the standing `orders` counts only while that order is in force, for a mission
-    that it started, and for commands that the rules allow it.
+    that it started, and for commands that the rules let it give.
 
     Only the hold of a stop passes to an asset under manual control, because a stop is for every
-    asset. Earlier decisions for the asset do not pass even after it is returned.
+    asset. Earlier decisions for the asset stay void after manual control has ended.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class CommandGate:
         self._safety: tuple[Action, ...] = ()
         self._halted = False
         self._standing: dict[str, DeviceCommand] = {}
-        """The latest command of each agent, while it may be resent."""
+        """The latest command of each agent that may be resent."""
 
     @property
     def refusal(self) -> str:
@@ -87,13 +88,13 @@ class CommandGate:
         return self._authority.refusal if self._authority is not None else ""
 
     def objection(self, rules: Rulebook) -> str:
-        """Return why this station could send no plan approved under `rules`; '' if it could."""
+        """Return why this station could not send a plan approved under `rules`; '' if it could."""
         if self._authority is None:
             return ""
         return self.refusal or self._authority.objection(rules)
 
     def needed(self, request: ev.ApprovalRequested, rules: Rulebook) -> dict[str, int]:
-        """Return the parts of `request` that several people must approve, and how many people."""
+        """Return the acts in `request` that need several people, with the number of people."""
         agents = {action.agent for action in (*request.plan.actions, *request.if_halted)}
         fresh = self._authority.fresh(agents) if self._authority is not None else ()
         return people_needed(request, rules.approvals, fresh)
@@ -103,8 +104,8 @@ class CommandGate:
     ) -> Decision:
         """Return `decision` with the signature of the person at this station, if it has keys.
 
-        A decision that was signed elsewhere keeps its valid signatures; its signer has accepted the
-        points that the request names.
+        A decision that was signed at another station keeps its valid signatures. Its signer has
+        also acknowledged the warnings and the override that the request requires.
         """
         if self._authority is None or decision.kind != "approve":
             return decision
@@ -147,10 +148,10 @@ class CommandGate:
         return not_unasked(order, needed, rules.unasked)
 
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Allow the commands of an approved plan from now on, and no longer those of the last plan.
+        """Allow the commands of an approved plan from now on, and those of the last plan no longer.
 
-        Raises ValueError while everything is stopped, and unless `decision` approves `request`, is
-        admissible, and was made by as many people as the `rules` require.
+        Raises ValueError while everything is stopped, or if `decision` is not an admissible
+        approval of `request` by as many people as the `rules` require.
         """
         problem = STOPPED if self.stopped else self.inadmissible(request, decision, rules)
         if not problem and request.standing is not None:
@@ -170,19 +171,19 @@ class CommandGate:
             self._withdraw(asset)
 
     def verified(self, numbers: Iterable[int]) -> None:
-        """Allow the commands that wait only for these actions, which telemetry shows to be done."""
+        """Allow the commands that wait only for these actions, which telemetry has verified."""
         shown = frozenset(numbers)
         self._waits = {command: waits - shown for command, waits in self._waits.items()}
 
     def halt(self) -> None:
-        """Allow nothing more of the plan except its declared way to safety."""
+        """Allow no more commands of the plan except its approved way to safety."""
         standing = self._standing.items()
         self._standing = {agent: last for agent, last in standing if last not in self._plan}
         self._orders.clear()
         self._halted = True
 
     def finish(self) -> None:
-        """Allow nothing more of the plan, because it has ended."""
+        """Allow no more commands of the plan, because it has ended."""
         self._orders.clear()
         self._safety = ()
 
@@ -207,7 +208,7 @@ class CommandGate:
         self._stops, self.stopped = stops, stopped
 
     def release(self) -> None:
-        """Release the stop, so that later decisions pass; ValueError if nothing is stopped."""
+        """Release the stop, so that later decisions pass; raises ValueError without a stop."""
         if not self.stopped:
             raise ValueError("nothing is stopped")
         self.stopped, self._stop_holds = False, frozenset()
@@ -215,17 +216,18 @@ class CommandGate:
     def take_manual(self, asset: str, by: str) -> None:
         """Refuse commands to `asset` from now on, because the person `by` drives it.
 
-        Raises ValueError if the asset cannot be taken. This needs no log, because it only keeps
-        commands back.
+        Raises ValueError if manual control of the asset cannot be taken. This works without a log,
+        because it only keeps commands back.
         """
         self.manual.take(asset, by)
         self._withdraw(asset)
         self._fleet.mark_manual(frozenset(self.manual.taken))
 
     def end_manual(self, asset: str) -> None:
-        """Allow later decisions about `asset` again; raises ValueError if it was not taken here.
+        """End manual control of `asset`, so that later decisions about it pass.
 
-        Raises ValueError also while the log cannot be written.
+        Raises ValueError if manual control was not taken at this station, or while the log cannot
+        be written.
         """
         if problem := self._journal.commit():
             raise ValueError(f"{asset} stays under manual control: {problem}")
@@ -248,10 +250,10 @@ class CommandGate:
     def send(
         self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
     ) -> tuple[Passage, ...]:
-        """Send each of the `commands` that is allowed; emit and return the result of every one.
+        """Send those `commands` that are allowed; emit and return the result for each command.
 
-        Commands that stop assets or make them safe are sent at once and logged afterwards. The
-        others are sent only if none is refused, and each is on the disk before it is sent.
+        Commands that move nothing, and those of a way to safety, are sent at once and logged
+        afterwards. The others are sent only if no command is refused and all are on the disk.
         """
         passages: list[Passage] = []
         logged_first: list[DeviceCommand] = []
@@ -290,11 +292,11 @@ class CommandGate:
         return command.verb not in STILL and not (self._halted and self._is_safety(command))
 
     def resend(self, command: DeviceCommand, times: int) -> ev.CommandResent | None:
-        """Resend an unanswered command; `times` is the number of resends so far, this one included.
+        """Resend an unanswered command for the `times`-th time.
 
-        Returns None, and sends nothing, if the command is no longer valid: its device has a newer
+        Returns None and sends nothing if the command is no longer valid: its device has a newer
         command or is under manual control, its plan was halted, everything was stopped, or another
-        station is in command. While the log cannot be written, no movement of a plan is sent again.
+        station is in command. A plan's movement is also not resent while the log cannot be written.
         """
         if self._standing.get(command.agent) != command or self._unauthorized(command):
             return None
@@ -331,7 +333,7 @@ class CommandGate:
         return "" if order is None else f"standing order {order.id}: {order.order}"
 
     def _kept_for_hand(self, command: DeviceCommand) -> str:
-        """Return why manual control bars `command`; '' if it does not, or for a stop's hold."""
+        """Return why manual control bars `command`; '' if it does not, as for a stop's hold."""
         return "" if command in self._stop_holds else self.manual.refusal(command.agent)
 
     def _unauthorized(self, command: DeviceCommand) -> str:
@@ -341,6 +343,6 @@ class CommandGate:
         return self._authority.refusal
 
     def _is_safety(self, command: DeviceCommand) -> bool:
-        """Return whether `command` is its agent's declared way to safety, or a hold instead."""
+        """Return whether `command` is its agent's approved way to safety, or a hold instead."""
         declared = {(a.verb, a.target) for a in self._safety if a.agent == command.agent}
         return bool(declared) and (command.verb, command.target) in {*declared, ("hold", None)}

@@ -1,7 +1,7 @@
 """The judge's verdict on a plan, and the plan for the likeliest reading of the order.
 
-The judge reads the order without seeing the plan. The console compares this reading with the plan;
-the judge can only object.
+The judge reads the order without seeing the plan. The console compares this reading with the plan,
+and the judge can only object.
 """
 
 import json
@@ -45,21 +45,24 @@ FITS = "it fits"
 
 
 class OrderComparison(NamedTuple):
-    """The console's comparison of a plan with a reading; `gaps` is None if that is unreadable."""
+    """The console's comparison of a plan with a reading.
+
+    `gaps` is None if the console cannot parse the reading.
+    """
 
     planned: str
     gaps: tuple[str, ...] | None
 
     @property
     def words(self) -> str:
-        """The comparison in words; its end is open if the model has to finish it."""
+        """The comparison in words, without an end if the model has to complete it."""
         if self.gaps is None:
             return f"{self.planned}; "
         return f"{self.planned}; {'; '.join(self.gaps) or FITS}"
 
 
 def compare_with_order(reading_text: str, moves: PlanMoves) -> OrderComparison:
-    """Compare a plan with a reading in a judge's words ("asked: 1 drone home")."""
+    """Compare a plan with a reading as the judge writes it ("asked: 1 drone home")."""
     reading = read_asked(reading_text)
     words = _planned(reading_text, moves)
     if reading is None or not reading.readable:
@@ -72,9 +75,9 @@ def compared_grammar(
 ) -> str:
     """Return the grammar of a whole verdict that begins with `opening`.
 
-    A plan that differs from the reading cannot get a Success. The model decides the comparison that
-    the console cannot make, the violated rules of `rule_ids`, and the outcome of a plan that was
-    `executed`.
+    A plan that differs from the reading cannot get a Success. The model writes the comparison if
+    the console cannot make it, names the violated rules among `rule_ids`, and states the outcome of
+    a plan that was `executed`.
     """
     reading_text = opening.partition(': "')[2].removesuffix(PLANNED)
     compared = compare_with_order(reading_text, moves)
@@ -88,7 +91,7 @@ def compared_grammar(
 
 
 def _planned(reading_text: str, moves: PlanMoves) -> str:
-    """Return the planned orders in words, by name if the order names assets."""
+    """Return the planned actions in words, with names of assets if the reading has them."""
     actions, world = moves.plan.actions, moves.world
     by_name = any(name in reading_text for name in world.assets)
     words = planned(actions, world, by_name=by_name)
@@ -99,7 +102,7 @@ def _planned(reading_text: str, moves: PlanMoves) -> str:
 
 @dataclass(frozen=True)
 class PlanCase:
-    """A plan for `task`, with the rules and the picture of its planner.
+    """A plan for `task`, with the rules and the picture from which the planner made it.
 
     `asked` is the reading that the operator confirmed; '' if the judge reads the order.
     """
@@ -116,9 +119,9 @@ class PlanCase:
 def ask_about_plan(
     prompt_format: PromptFormat, world: World, rulebook: Rulebook, case: PlanCase
 ) -> JudgeQuestion:
-    """Return the question whether the plan serves the task within the rules (step 6).
+    """Return the question to the judge whether the plan serves the task within the rules (step 6).
 
-    Raises KeyError when a rule that was retrieved or found broken is not in `rulebook`.
+    Raises KeyError if a rule that was retrieved or broken is not in `rulebook`.
     """
     rules = [rulebook.get(id_) for id_ in judged_rules(case.hits, case.findings)]
     prompt = prompt_format.judge(world, case.digest, rules, case.task, case.plan, case.rehearsal)
@@ -137,7 +140,7 @@ def ask_about_plan(
 
 
 def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[str]:
-    """Return the ids of the retrieved rules that apply to the plan, and of every broken one."""
+    """Return the ids of the retrieved rules that apply to the plan, and of every broken rule."""
     findings = [finding for finding in findings if finding.rule_id != ORDER_ID]
     by_rule = {finding.rule_id: finding for finding in findings}
     ids = [
@@ -149,11 +152,11 @@ def judged_rules(hits: Sequence[RuleHit], findings: Sequence[Finding]) -> list[s
 
 
 async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDecision:
-    """Ask the judge for its verdict, and plan for the likeliest reading of the order (step 6).
+    """Ask the judge for its verdict, and make a plan for the likeliest reading (step 6).
 
-    A trained judge reads the order by itself, and the second reader reads it if it is in doubt. The
-    readings that are likelier than the planner's are tried in turn. The first for which there is an
-    acceptable plan replaces the planner's.
+    A trained judge reads the order by itself; the second reader reads an order that is in doubt.
+    Readings that are likelier than the planner's are tried in turn. The first that has an
+    acceptable plan replaces the planner's reading and plan.
     """
     answered, shown = planned.answered, await _judged(context, planned.answered, planned.best)
     rehearsal = shown.examination.rehearsal
@@ -174,11 +177,12 @@ async def judge(context: MissionContext, planned: PlanForDecision) -> PlanForDec
 async def _taken_instead(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, reading: WeighedReading
 ) -> Candidate | None:
-    """Return a plan for another `reading` than the planner's; None if it is not acceptable.
+    """Return a plan for a likelier `reading`; None if there is no acceptable plan for it.
 
-    No rule may block it, the judge must accept it for that reading, and it may leave out words of
-    the order only if the plan on show does. A plan without movement, because nothing of its reading
-    can be done, does not replace a plan that does everything that was ordered.
+    No rule may block the plan, and the judge must accept it for that reading. The reading may leave
+    words of the order unused only if the reading of the plan `shown` does. A plan that moves
+    nothing, because no part of its reading can be carried out, does not replace a plan that moves
+    assets and leaves nothing out.
     """
     reading_text, reader = reading.asked, reading.reader
     other = await with_commands_given(
@@ -200,9 +204,9 @@ async def _taken_instead(
 
 
 def verdict_on(steps: Sequence[Candidate]) -> tuple[Verdict | None, str]:
-    """Return one verdict for all steps of a plan, or the reason why there is none.
+    """Return one verdict for all steps of a plan, or the reason why there is no verdict.
 
-    It is a Success only if the judge objects to no step.
+    The verdict is Success only if the judge objects to no step.
     """
     for number, step in enumerate(steps, start=1):
         if step.verdict is None:
@@ -228,7 +232,7 @@ def _acts(candidate: Candidate) -> bool:
 
 
 def _is_in_vain(context: MissionContext, reading_text: str) -> bool:
-    """Return whether no part of a reading can be done, although no part is refused outright."""
+    """Return whether no part of a reading can be carried out, although no part is refused."""
     reading, fleet = read_asked(reading_text), context.services.fleet
     if reading is None or not reading.asks or any(ask.task == "refused" for ask in reading.asks):
         return False

@@ -1,4 +1,4 @@
-"""Step 9: the progress of a mission in its workflows (WF-01), and the result of its plans."""
+"""Step 9: the progress of a mission in its workflows (WF-01), and the mission's result."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,11 +19,11 @@ from pa_console.schema.telemetry import Picture
 
 MOMENT_S = 0.02
 TRACK_S = 0.002
-"""The processor time that each workflow adds to the limit for one moment, in seconds."""
+"""The processor time in seconds by which each workflow extends the limit for one moment."""
 
 
 class WorkflowProgress:
-    """The workflows of one mission, one per track; the first unfinished one sets the task."""
+    """The workflows of one mission, one per track; the first unfinished one gives the next task."""
 
     def __init__(self, rulebook: Rulebook, mission: Mission) -> None:
         self._rulebook, self._mission = rulebook, mission
@@ -46,7 +46,7 @@ class WorkflowProgress:
 
     @property
     def settled(self) -> bool:
-        """True if every workflow that has no phase left has also ended."""
+        """True if every workflow that has no further phase has also ended."""
         return all(run.current is not None or run.ended for run in self._runs.values())
 
     @property
@@ -61,7 +61,7 @@ class WorkflowProgress:
 
     @property
     def phase(self) -> str:
-        """The track and the name of the phase to plan next; '' if there is none."""
+        """The next phase to plan, as its track and its name; '' if no phase is left."""
         for track, run in self._runs.items():
             if run.current is not None:
                 return f"{track} {run.current.name}"
@@ -69,7 +69,7 @@ class WorkflowProgress:
 
     @property
     def task(self) -> Mission | None:
-        """The phase to plan next, as a mission with a text of its own; None if there is none."""
+        """The next phase to plan, as a mission with a text of its own; None if no phase is left."""
         for track, run in self._runs.items():
             if run.current is not None:
                 words = {"text": run.command(), "subject": track, "gate": run.gate}
@@ -83,19 +83,19 @@ class WorkflowProgress:
         return phases[0].verbs if phases else ()
 
     def begin(self, now: Moment) -> Iterator[WorkflowMoved]:
-        """Enter the workflow of the track that is the subject of an alarm's mission."""
+        """Enter the workflow for the track that is the subject of the mission, if there is one."""
         if self._mission.subject in now.tracks and self._mission.subject not in self._runs:
             yield from self._enter(self._mission.subject, now)
 
     def join(self, plan: Plan, now: Moment) -> Iterator[WorkflowMoved]:
-        """Enter the workflow of every track that an executed plan has dealt with."""
+        """Enter the workflow for every track that an executed plan has dealt with."""
         gates = {action.target for action in plan.actions if action.verb in ENCOUNTERS}
         for name, track in now.tracks.items():
             if track.gate in gates and name not in self._runs:
                 yield from self._enter(name, now)
 
     def observe(self, now: Moment) -> Iterator[WorkflowMoved]:
-        """Advance every workflow whose phase has ended, or which has itself ended, at `now`."""
+        """Advance every workflow that has ended, or whose phase has ended, at `now`."""
         with shared_deadline(MOMENT_S + TRACK_S * len(self._runs)):
             moved = [run for run in self._runs.values() if run.advance(now)]
         yield from map(_moved, moved)
@@ -125,7 +125,7 @@ def _moved(run: WorkflowRun) -> WorkflowMoved:
 
 @dataclass
 class Results:
-    """The verification of every plan, with the mission's workflows, orderings and alarm."""
+    """The results of one mission: its plans' verifications, workflows, orderings and alarm."""
 
     mission: Mission
     progress: WorkflowProgress
@@ -133,20 +133,20 @@ class Results:
     open_alarms: Callable[[], Sequence[Alarm]]
     verifications: list[Verification] = field(default_factory=list[Verification])
     idle: list[str] = field(default_factory=list[str])
-    """For each executed plan that only held, the parts of the order that it left out; otherwise
+    """One text per executed plan: the parts of the order left out by a plan that only held, or
     ''."""
 
     @property
     def unanswered(self) -> tuple[str, ...]:
-        """The mission's alarm, in words, if it is still open and no workflow answers it."""
+        """The mission's alarm in words, if it is still open and no workflow deals with it."""
         alarm = self._alarm
         return (f"alarm {alarm.id} is still open: {alarm.text}",) if alarm is not None else ()
 
     @property
     def follow_up(self) -> Mission | None:
-        """The mission with its alarm's present command; None if the alarm is answered.
+        """The mission with the present command of its alarm; None if no command is left.
 
-        An alarm may ask for one thing after another: first a relief, then the return to base
+        An alarm may require several commands in turn: first a relief, then the return to base
         (CAP-04).
         """
         alarm = self._alarm
@@ -169,7 +169,7 @@ class Results:
 
     @property
     def _alarm(self) -> Alarm | None:
-        """The mission's alarm while it is open and no workflow answers it."""
+        """The mission's alarm while it is open and no workflow deals with it; otherwise None."""
         if self.progress.entered:
             return None
         return next((a for a in self.open_alarms() if a.id == self.mission.alarm), None)
@@ -177,8 +177,9 @@ class Results:
     def conclude(self) -> MissionResult:
         """Return the mission's result from its plans, workflows, orderings and alarm.
 
-        It is verified only if all of them are; an unknown result is not verified. If every plan
-        only held although something else was ordered, the mission is held.
+        The mission is verified only if every plan passed, every workflow is over, no ordering is
+        open and the alarm is answered. If every plan only held although more was ordered, the
+        mission is held.
         """
         if self.idle and all(self.idle):
             return MissionResult("held", f"nothing was done: {'; '.join(dict.fromkeys(self.idle))}")
@@ -195,7 +196,7 @@ class Results:
 
 
 def begun(plan: Plan, task: Mission, picture: Picture) -> Mission | None:
-    """Return `task` if its executed `plan` could only begin it (WF-01); None otherwise.
+    """Return `task` if the executed `plan` was only its first part (WF-01); None otherwise.
 
     A contact must be identified before it is warned. If it turns out to be no threat, the workflow
     does not continue, although a warning was ordered.

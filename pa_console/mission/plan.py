@@ -1,4 +1,4 @@
-"""Steps 3 to 5 of a mission: candidate plans, examined until one may be shown to the operator."""
+"""Steps 3 to 5 of a mission: candidate plans, and the choice of one to show to the operator."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,28 +32,27 @@ from pa_console.schema.plan import Plan
 from pa_console.session.confidence import Reader, WeighedReading, read_apart
 
 VOUCHED = 0.8
-"""The lowest confidence of the judge that confirms a reading reported without a confidence."""
+"""The least confidence with which the judge confirms a reading that has no confidence."""
 
 
 UNTOLD = "not known: how sure the server's model is of what was asked"
 
 MOST_SERVED = 6
-"""The number of plans with the console's own commands that are tried, as long as each is
-blocked."""
+"""The number of plans with the console's own commands that are tried while each is blocked."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An examined plan, and the judge's answer once there is one."""
+    """An examined plan, with the judge's answer once it has been judged."""
 
     attempt: int
     examination: Examination
     gaps: tuple[str, ...] = ()
-    """The differences between the plan and the planner's own reading."""
+    """The differences between the plan and its planner's reading."""
     unmet: tuple[str, ...] = ()
-    """The parts of that reading that no plan can carry out now, with the reasons."""
+    """The parts of the planner's reading that the plan leaves out, with the reasons."""
     narrowed: bool = False
-    """True if the plan leaves out a part of the reading that is not already fulfilled."""
+    """True if the plan leaves out a part of the reading that is not fulfilled already."""
     mentions: MentionCheck = NOTHING_SAID
     """The comparison of the reading with the words of the order."""
     confidence: float | None = None
@@ -63,19 +62,19 @@ class Candidate:
     judge_confidence: float | None = None
     """The judge's confidence in its reading."""
     own: bool = False
-    """True if no model wrote the plan, but the operator, an agent or the console."""
+    """True if the operator, an agent or the console wrote the plan, and no model did."""
     by_server: bool = False
     """True if a model on a server wrote the plan."""
 
     @property
     def badness(self) -> tuple[int, ...]:
-        """The numbers of blocking findings, gaps and warnings; a smaller tuple is better."""
+        """The number of blocking findings, of gaps and of warnings; a smaller tuple is better."""
         blocking, warnings = self.examination.badness
         return blocking, len(self.gaps), warnings
 
     @property
     def sound(self) -> bool:
-        """True if no rule blocks the plan and it matches its planner's reading."""
+        """True if no rule blocks the plan and the plan matches its planner's reading."""
         return not any(self.badness[:2])
 
     @property
@@ -85,7 +84,7 @@ class Candidate:
 
     @property
     def sure(self) -> float | None:
-        """The lower confidence of planner and judge; None if neither reported one."""
+        """The lower of planner's and judge's confidence; None if neither reported a confidence."""
         reported = (self.confidence, self.judge_confidence)
         return min((sure for sure in reported if sure is not None), default=None)
 
@@ -93,8 +92,8 @@ class Candidate:
     def all_gaps(self) -> tuple[str, ...]:
         """The evidence against the reading of the order, in words.
 
-        If a model on a server reports no confidence, a judge that read the order by itself has to
-        confirm the reading with a confidence of at least VOUCHED.
+        If a model on a server wrote the plan and reported no confidence, a judge that read the
+        order by itself must confirm the reading with a confidence of at least VOUCHED.
         """
         judged = self.judge_confidence
         unknown = self.by_server and self.confidence is None
@@ -108,7 +107,7 @@ class Candidate:
 
 
 def better(first: Candidate | None, other: Candidate) -> Candidate:
-    """Return the candidate with less evidence against it; the `first` if they are alike."""
+    """Return the candidate with less evidence against it; `first` if they are equal."""
     return other if first is None or other.badness < first.badness else first
 
 
@@ -125,14 +124,14 @@ class PlanForDecision:
     steps: tuple["PlanForDecision", ...] = ()
     """The plan of each step, if the order is in steps."""
     by_grammar: bool = False
-    """True if a grammar has read the order instead of a model, so that the reading is certain."""
+    """True if a grammar read the order, and no model, so that the reading is certain."""
 
     @property
     def confidence(self) -> float | None:
         """The confidence in the reading, as shown to the operator.
 
-        None unless the second reader, or both planner and judge, report their confidence. For an
-        order in steps, it is the product of the steps' confidences.
+        None unless the second reader, or both planner and judge, report a confidence. For an order
+        in steps, it is the product of the steps' confidences.
         """
         if self.by_grammar:
             return 1.0
@@ -166,11 +165,11 @@ async def plan(
     reasons: Sequence[str] = (),
     previous: str = "",
 ) -> PlanForDecision | PlanningFailure:
-    """Plan and examine (steps 3 to 5) until nothing blocks the plan, at most 1 + repairs times.
+    """Plan and examine (steps 3 to 5) until no rule blocks the plan, at most 1 + repairs times.
 
-    `reasons` are the faults of the `previous` plan. The least bad plan is proposed to the operator,
-    who may acknowledge mere warnings. If the model only states its reading and the console makes
-    the plan, the model is not asked again, because a blocked plan does not change the reading.
+    `reasons` are the faults of the `previous` plan. The best plan is returned, even if it is
+    blocked. If the model only states its reading and the console makes the plan, the model is not
+    asked again, because its reading would be the same.
     """
     best: Candidate | None = None
     reading: Reading | None = None
@@ -221,7 +220,7 @@ async def take(
     written: Plan,
     author: Literal["operator", "agent", "console"] = "operator",
 ) -> PlanForDecision:
-    """Examine a plan that no model wrote, like any other (step 5)."""
+    """Examine a plan that no model wrote like any other plan (step 5)."""
     number = context.next_attempt()
     context.emit(ev.PlanProposed(attempt=number, author=author, text=written.answer, plan=written))
     retrieved = answered.retrieved
@@ -230,7 +229,7 @@ async def take(
 
 
 async def reexamine(context: MissionContext, task: Mission, approved: Plan) -> Examination | None:
-    """Examine an `approved` plan in the present state; return None if it may still be executed."""
+    """Examine an `approved` plan again; return the examination if it is blocked now, else None."""
     fresh = await safeguards(context, task, approved)
     return fresh if fresh.blocked else None
 
@@ -240,9 +239,9 @@ async def _first_sound(
 ) -> Candidate:
     """Examine the planner's other answers until one is sound; return the best candidate.
 
-    Before that, the first answer is examined with every relieved asset waiting for its relief. If
-    the console can parse the reading in the first answer, the others have the same reading. If
-    none is sound, the model gets the commands and only assigns agents to them.
+    First, the planner's first answer is examined with each guard waiting for its relief. If the
+    console can parse the reading in that answer, the other answers have the same reading. If none
+    is sound, the console gives the commands, and the model only assigns agents to them.
     """
     fleet = context.services.fleet
     relieved = in_turn(best.examination.plan, fleet.picture(), fleet.world)
@@ -272,9 +271,9 @@ async def with_commands_given(
 ) -> Candidate:
     """Examine plans for a reading that consist of the console's own commands.
 
-    Each plan serves less of the reading than the plan before it, until no rule blocks a plan. The
-    result is the best of them and of `best`, the best plan so far. A sound plan is returned in any
-    case, even if `best` is for another reading.
+    The plans serve less and less of the reading, until no rule blocks a plan. A sound plan is
+    returned even if `best`, the best plan so far, is for another reading and has less evidence
+    against it. Otherwise the best of all these plans is returned.
     """
     retrieved = answered.retrieved
     for slots in await commands_for(context, retrieved, reading_text, MOST_SERVED):
@@ -296,7 +295,7 @@ async def _examined(
     *,
     own: bool = False,
 ) -> Candidate:
-    """Examine a plan; one that no model wrote (`own`) is not compared with the order's words."""
+    """Examine a plan; if it is `own`, it is not compared with the order's words."""
     plan_, task, fleet = attempt.plan, retrieved.task, context.services.fleet
     examination = await safeguards(context, task, plan_)
     before = examination.rehearsal.before if examination.rehearsal is not None else fleet.picture()

@@ -1,7 +1,7 @@
-"""Step 6 of a mission: the readings of an order by each reader, and the likeliest of them.
+"""Step 6 of a mission: each reader's reading of an order, and the likeliest reading.
 
-Planner and judge read every order; the second reader reads one that is in doubt. Readings that ask
-for the same count as one. The evidence for all of them determines the confidence in each
+Planner and judge read every order; the second reader reads an order that is in doubt. Equivalent
+readings count as one. The confidence in each reading follows from the evidence for all of them
 (`session/confidence.py`).
 """
 
@@ -28,13 +28,14 @@ from pa_console.session.confidence import Evidence, Reader, WeighedReading, weig
 DOUBT = 0.8
 """The confidence of planner or judge below which an order is read again.
 
-The bound was measured on 398 orders in people's words that were new to both models. Of the 206
-below it, the planner read 62 as meant and the second reader 118; of the 192 above it, 177 and 175.
+The bound was chosen on 398 orders in people's words that were new to both models. Of the 206 orders
+below it, the planner read 62 correctly and the second reader 118. Of the 192 above it, the planner
+read 177 correctly and the second reader 175.
 """
 
 PATIENCE_S = 15.0
-"""The longest wait for the second reader, its loading included, in seconds; then the plan is
-proposed without its reading."""
+"""The longest wait for the second reader, in seconds, including the time to load it. After that,
+the plan is proposed without its reading."""
 
 
 class ReaderAnswer(NamedTuple):
@@ -43,14 +44,14 @@ class ReaderAnswer(NamedTuple):
     reader: Reader
     asked: str
     chance: float | None = None
-    """The reader's own confidence; None if it reports none or if its accuracy was not measured."""
+    """The reader's own confidence; None if it has none, or if its confidence is not calibrated."""
 
 
 def in_doubt(shown: Candidate) -> bool:
     """Return whether an order should be read again before its plan is proposed.
 
-    It should if a model was unsure, the judge objects, or words of the order are left over. An
-    order is not in doubt if its plan is blocked or was not written by a model.
+    It should if a model was unsure, the judge objects, or words of the order are unused. An order
+    is never in doubt if its plan is blocked or was not written by a model.
     """
     if shown.own or shown.examination.blocked or shown.sure is None:
         return False
@@ -60,7 +61,7 @@ def in_doubt(shown: Candidate) -> bool:
 async def _read_again(
     context: MissionContext, answered: PlannerAnswer, shown: Candidate, question: JudgeQuestion
 ) -> list[ReaderAnswer]:
-    """Return the second reader's reading of an order in doubt; empty if there is none.
+    """Return the second reader's answer to an order in doubt, in a list; empty without an answer.
 
     A second reader that is a judge gets the judge's `question` about the plan. An order that refers
     to the previous one is not read again, because the second reader was not trained on such orders.
@@ -101,8 +102,8 @@ async def read_order(
 ) -> tuple[WeighedReading, ...]:
     """Return the readings of an order, the likeliest first.
 
-    The planner's reading is that of the judged plan on show; `question` is the judge's question
-    about it. If the plan also serves another reader's reading, both count as one.
+    The planner's reading is that of the judged plan `shown`, and `question` is the judge's question
+    about that plan. If the plan also serves another reader's reading, the two count as one.
     """
     world, task = context.services.fleet.world, answered.retrieved.task
     text, follows = task.text, task.follows
@@ -137,10 +138,10 @@ async def read_order(
 
 
 def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -> bool:
-    """Return whether a plan for another `reading` may replace the planner's `own`.
+    """Return whether a plan for `reading` may replace the plan for the planner's `own` reading.
 
-    A reader that reports no confidence, or whose accuracy was not measured, decides nothing. The
-    judge needs no confidence if its reading leaves fewer gaps.
+    It may if the readers of both readings report a calibrated confidence. The judge's reading needs
+    no confidence if it has fewer gaps than the planner's.
     """
     measured = bool(own.evidence.chances) and bool(reading.evidence.chances)
     if reading.reader != "judge":
@@ -149,23 +150,23 @@ def may_decide(variant: Variant, reading: WeighedReading, own: WeighedReading) -
 
 
 def _same(first: str, other: str, base: str) -> bool:
-    """Return whether two readings are the same; unparsable ones are compared as text."""
+    """Return whether two readings are equivalent; unparsable readings must be equal as text."""
     return first == other or agree(first, other, base)
 
 
 def _with_evidence(
     first: ReaderAnswer, group: Sequence[ReaderAnswer], check: MentionCheck
 ) -> WeighedReading:
-    """Return the reading that `group` shares, in the words of `first`."""
+    """Return the reading that the answers in `group` share, in the words of the answer `first`."""
     chance = {answer.reader: answer.chance for answer in group}
     chances = chance.get("planner"), chance.get("judge"), chance.get("second")
     return WeighedReading(first.asked, first.reader, Evidence(*chances, gaps=len(check.gaps)))
 
 
 def _serves(moves: PlanMoves, shown: Candidate, reading_text: str, text: str) -> bool:
-    """Return whether the plan on show, with its `moves`, does all of a reading and no more.
+    """Return whether the plan `shown`, with its `moves`, does all of a reading and no more.
 
-    A plan without movement, or one that leaves out words of the order, serves only its own reading.
+    Returns False for a plan that only holds, or that has gaps of its own.
     """
     reading = read_asked(reading_text)
     still = all(action.verb == "hold" for action in moves.plan.actions)
@@ -177,7 +178,7 @@ def _serves(moves: PlanMoves, shown: Candidate, reading_text: str, text: str) ->
 
 
 async def foreseen(context: MissionContext, answered: PlannerAnswer, reading: str) -> Plan:
-    """Return the plan that the console would make for a reading; it may have no actions."""
+    """Return the console's plan for a reading; it has no actions if the console cannot make one."""
     ways = await commands_for(context, answered.retrieved, reading, 1)
     if not ways:
         return Plan(reason=reading, actions=())

@@ -31,22 +31,22 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture, Track
 from pa_console.schema.world import World
 
 TOLERANCE_M = 0.5
-"""The largest distance of a recorded way from the rehearsed one, in metres."""
+"""The largest deviation of a recorded way from the rehearsed way, in metres."""
 
 HORIZON_S = 240.0
-"""The longest time of a rehearsed step, without its stays, in seconds."""
+"""The longest time of a rehearsed step in seconds, not counting its stays."""
 SETTLE_S = 2.0
 """The time for which a rehearsal continues after the last command of a step has ended, in
 seconds."""
 MOST_STEPS_PER_SLICE = 60
 ASSET_STEPS_PER_SLICE = 6000
-"""The size of a slice, in steps times assets: a few milliseconds."""
+"""The size of a slice as steps times assets, which takes a few milliseconds."""
 
 
 class MotionRecord:
     """A record of the motion of a plan's agents, of other assets under way, and of tracks.
 
-    It keeps only the positions at which course or speed change.
+    The record keeps only the positions at which course or speed changes.
     """
 
     def __init__(self, world: World, before: Picture, plan: Plan) -> None:
@@ -99,7 +99,7 @@ class MotionRecord:
 
 
 class _Way:
-    """The positions of one asset or track, without those on a straight way at constant speed."""
+    """The positions at which one asset or track changes course or speed."""
 
     def __init__(self, time_s: float, position: Point) -> None:
         self._kept = [(time_s, position)]
@@ -116,7 +116,7 @@ class _Way:
         self._last = time_s, position
 
     def points(self) -> tuple[TimedPoint, ...]:
-        """Return the way so far; a single point if nothing has moved."""
+        """Return the way so far; a single point if the asset or track has not moved."""
         end = self._last if dist(self._last[1], self._kept[-1][1]) > TOLERANCE_M else None
         kept = [*self._kept, end] if end is not None else self._kept
         return tuple((time_s, round(x, 2), round(y, 2)) for time_s, (x, y) in kept)
@@ -136,7 +136,7 @@ def device_commands(plan: Plan, prefix: str) -> tuple[DeviceCommand, ...]:
 
 
 def order_moments(plan: Plan, world: World, done: Collection[str]) -> tuple[OrderMoment, ...]:
-    """Return the plan's orders for ordering rules; `done` names the agents that have finished."""
+    """Return the plan's actions for ordering rules; `done` names the agents that have finished."""
     return tuple(
         OrderMoment(
             agent=action.agent,
@@ -166,8 +166,8 @@ async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
     """Run `plan` in a forecast, step by step; a step takes at most HORIZON_S and its stays.
 
     The forecast is built from the picture, never from the truth. A step begins at the end of the
-    step before; a step that does not end is the last. Control returns to the event loop after every
-    slice of simulated steps, so that the screen stays responsive.
+    previous step; after a step that does not end, the rehearsal stops. Control returns to the event
+    loop after every slice of simulated steps, so that the screen stays responsive.
     """
     forecast, before = outlook.forecast(), outlook.picture()
     rehearsed: list[Rehearsal] = []
@@ -185,7 +185,7 @@ async def rehearse_steps(outlook: Outlook, plan: Plan) -> RehearsedSteps:
 async def _rehearse_step(
     forecast: Forecast, recorder: "_Recorder", plan: Plan, step_before: int
 ) -> Rehearsal:
-    """Run one step of a plan in `forecast`; the ids of its commands differ from other steps'."""
+    """Run one step of a plan in `forecast`; each step has its own command ids."""
     commands = device_commands(plan, f"rehearsal{step_before or ''}")
     stay_s = max((action.stay_s for action in plan.actions), default=0.0)
     for command in commands:
@@ -237,7 +237,7 @@ class _Recorder:
     def __init__(
         self, world: World, before: Picture, plan: Plan, gaps_s: Mapping[str, float]
     ) -> None:
-        """Begin with the picture `before`; `gaps_s` is how long each gate had been uncovered."""
+        """Begin with the picture `before`; `gaps_s` maps gates to the time uncovered so far."""
         self._world, self._before, self._last = world, before, before
         self._plan = plan
         self._moments = [moment(before, world, (), plan.agents)]
@@ -246,7 +246,7 @@ class _Recorder:
         self._movers = {a.agent for a in plan.actions if a.verb not in STILL}
         self._tracks: dict[str, _TrackLog] = {name: _TrackLog() for name in before.tracks}
         self.gaps_s = {gate: gaps_s.get(gate, 0.0) for gate in world.gates}
-        """The time that each gate has been without cover in the rehearsal so far, in seconds."""
+        """The time for which each gate has now been without cover in the rehearsal, in seconds."""
         self._longest = dict.fromkeys(world.gates, 0.0)
         self._time = 0.0
         self._orders: tuple[OrderMoment, ...] = ()
@@ -372,11 +372,11 @@ def _enters(zone: Polygon, here: Point, there: Point) -> bool:
     )
 
 
-# The rehearsals of successive steps as one
+# Joining the rehearsals of successive steps
 
 
 def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
-    """Return the rehearsals of successive steps as one."""
+    """Return the rehearsals of successive steps as one rehearsal."""
     first, last = steps[0], steps[-1]
     if first is last:
         return first
@@ -407,7 +407,7 @@ def joined(steps: Sequence[Rehearsal]) -> Rehearsal:
 
 
 def _later_track(before: TrackTimeline | None, new: TrackTimeline, start_s: float) -> TrackTimeline:
-    """Return the first times of a track's events, with those of a step that begins at `start_s`."""
+    """Return the times of a track's events in earlier steps and in one that begins at `start_s`."""
     times = {
         name: None if at is None else at + start_s
         for name, at in new.model_dump(exclude={"least_distance_m"}).items()
@@ -433,9 +433,9 @@ def _later_asset(before: AssetTimeline, new: AssetTimeline) -> AssetTimeline:
 
 
 def _joined_motion(steps: Sequence[tuple[float, Rehearsal]]) -> Motion:
-    """Join the motions of `steps`, each with the second at which it starts.
+    """Join the motions of `steps`, each given with its start in seconds.
 
-    Of the arrivals of an agent, only the last is kept.
+    Only the last arrival of each agent is kept.
     """
     ways: dict[str, tuple[TimedPoint, ...]] = {}
     guards: dict[str, tuple[GuardChange, ...]] = {}

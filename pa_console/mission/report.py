@@ -34,14 +34,14 @@ CLEARS_WHEN: dict[AlarmKind, str] = {
     "way_blocked": "the way is open, or whoever needed it has left",
     "many_contacts": "fewer contacts are reported",
 }
-"""The condition that clears an alarm of each kind."""
+"""The kinds of alarms, each with the condition that clears it."""
 
 
 @dataclass
 class PlanFacts:
     """One plan that was carried out; `halted` has the reasons if it did not run to its end.
 
-    `unmet` has the parts of the order that no asset could carry out then, with the reasons.
+    `unmet` has the parts of the order that the plan left out, with the reasons.
     """
 
     plan: Plan
@@ -51,15 +51,15 @@ class PlanFacts:
     decision: Decision | None = None
     unmet: tuple[str, ...] = ()
     step: int = 0
-    """The step of a plan in steps, counted from 1; 0 for a whole plan."""
+    """The number of the step of a plan in steps, from 1; 0 for a whole plan."""
     steps: int = 0
     held: str = ""
-    """The actions that were not sent after this step, and the reason."""
+    """The actions that were not sent after this step, or the reason."""
 
 
 @dataclass
 class PlaceWatch:
-    """The longest time without an asset at a place, in simulated seconds."""
+    """The longest time for which no asset was known to be at a place, in simulated seconds."""
 
     longest_s: float = 0.0
     _since_s: float | None = None
@@ -82,20 +82,20 @@ class ReportFacts:
     rules: tuple[str, ...] = ()
     """The ids of the rules that were retrieved for the mission (WF-10)."""
     warnings: tuple[str, ...] = ()
-    """The warnings about the rule set in force during the mission."""
+    """The warnings about the rule set that is in force for the mission."""
     plans: list[PlanFacts] = field(default_factory=list[PlanFacts])
     moves: list[tuple[WorkflowMoved, float]] = field(
         default_factory=list[tuple[WorkflowMoved, float]]
     )
     patrolled: dict[str, PlaceWatch] = field(default_factory=dict[str, PlaceWatch])
-    """The places of a patrol."""
+    """The places of a patrol, each with the time without an asset."""
     gaps_s: dict[str, float] = field(default_factory=dict[str, float])
-    """The longest time without known cover, by gate."""
+    """The longest time for which each gate had no known cover."""
     seen_from_s: float | None = None
 
     @property
     def count(self) -> int:
-        """The number of plans; the steps of a plan are not counted."""
+        """The number of plans; a plan in steps counts once."""
         return sum(plan.step <= 1 for plan in self.plans)
 
     @property
@@ -108,7 +108,7 @@ class ReportFacts:
         self.moves.append((move, time_s))
 
     def see(self, picture: Picture) -> None:
-        """Record from a new picture how long gates were without known cover."""
+        """Record from a new picture how long gates and places have been without an asset."""
         if self.seen_from_s is None:
             self.seen_from_s = picture.time_s
         for place, watch in self.patrolled.items():
@@ -127,9 +127,9 @@ def after_action_report(
     picture: Picture,
     open_alarms: Sequence[Alarm] = (),
 ) -> str:
-    """Return the report: the mission's cause and actions, the evidence, and what remains open.
+    """Return the report: a mission's cause and actions, the evidence, open tracks and alarms.
 
-    The judge's verdict on the outcome is a separate event, because it comes later.
+    The judge's verdict on the outcome is a separate event, because the judge gives it later.
     """
     mission = facts.mission
     lines = [f"{mission.id} {status}: {mission.said}"]
@@ -207,7 +207,7 @@ def _outcome(facts: PlanFacts) -> Iterator[str]:
 
 
 def _patrol(facts: ReportFacts) -> Iterator[str]:
-    """Yield the visits of a patrol to each place, and the longest time without an asset there."""
+    """Yield, for each place of a patrol, its visits and its longest time without an asset."""
     for place, watch in facts.patrolled.items():
         seen = [
             f"{plan.verification.as_of_s:.0f} s"
@@ -241,7 +241,7 @@ def _gates(facts: ReportFacts, picture: Picture) -> Iterator[str]:
 
 
 def _open(picture: Picture, alarms: Sequence[Alarm]) -> Iterator[str]:
-    """Yield what remains open: tracks, alarms, and assets without a recent report."""
+    """Yield the tracks and alarms that remain open, and the assets without a recent report."""
     tracks = sorted(picture.tracks.values(), key=lambda track: (track.distance_m, track.id))
     for track in tracks[:MOST_NAMED]:
         age = f", last seen {picture.time_s - track.stamp_s:.0f} s ago" if track.stale else ""

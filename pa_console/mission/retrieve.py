@@ -12,11 +12,11 @@ from pa_console.schema.rule import RuleHit
 
 @dataclass(frozen=True)
 class RetrievedRules:
-    """The task of the next plan, and the rules in the planner's prompt for it.
+    """The task of the next plan, and the rules in the prompt for that plan.
 
     `task` is the mission itself, or a phase of its workflow. If `verbs` are given, the planner may
-    use no other commands. `chosen` is the operator's reading of the task; '' if the planner has to
-    read it.
+    use no other commands. `chosen` is the reading of the task that the operator chose; '' if the
+    planner has to read the task.
     """
 
     task: Mission
@@ -26,7 +26,7 @@ class RetrievedRules:
 
     @property
     def rule_ids(self) -> tuple[str, ...]:
-        """Ids of the rules that were retrieved for the task."""
+        """The ids of the rules that were retrieved for the task."""
         return tuple(hit.rule_id for hit in self.hits)
 
 
@@ -35,7 +35,7 @@ def retrieve(
 ) -> RetrievedRules:
     """Retrieve the rules that concern the words of `task`, and the pinned rules (step 3).
 
-    The variant selects pinned rules, the best matches, or both.
+    The variant determines whether pinned rules, the best matches or both are retrieved.
     """
     started = perf_counter()
     retriever, variant = context.services.retriever, context.services.variant

@@ -1,7 +1,7 @@
-"""The eight steps of one mission (paper, Section III).
+"""The run of one mission, from its words (step 2) to its report (step 10; paper, Section III).
 
-A mission may take several plans: one for each phase of a workflow, and another one whenever a
-premise of the running plan breaks. Each is planned, checked, judged and approved on its own.
+A mission may take several plans: one for each phase of a workflow, and a new plan whenever a
+premise of the running plan breaks. Each plan is made, checked, judged and approved on its own.
 """
 
 import asyncio
@@ -54,15 +54,15 @@ from pa_console.schema.rehearsal import Moment
 from pa_console.schema.telemetry import Picture
 
 MAX_VOIDED = 2
-"""The number of plans made void by changes of the situation after which a mission is held."""
+"""The number of plans, made void by changes of the situation, at which a mission is held."""
 MAX_HALTS = 3
-"""The most halts after which a mission is planned again."""
+"""The largest number of halts after which a mission is still planned again."""
 MAX_TRIES = 2
-"""The most plans that are executed for one task if none of them ends it."""
+"""The number of plans that are executed for one task if none of them completes it."""
 INTERRUPTED = "the mission was interrupted before its outcome could be judged"
 READY_S = 90.0
-"""The longest wait for assets that cannot start yet, in seconds; an autopilot takes half a
-minute."""
+"""The longest wait for assets that cannot start yet, in seconds. An autopilot takes half a minute
+to start."""
 WATCH_S = 12.0
 """The time for which the situation is watched after a plan, in seconds."""
 
@@ -71,8 +71,8 @@ WATCH_S = 12.0
 class StationSide:
     """The station's services for a mission.
 
-    These are the steps of its clock with the replies, the operator's decisions, the queue of
-    verdicts on outcomes, and the open alarms.
+    The services are a feed of the clock's steps with devices' replies, the operator's decisions,
+    the queue of verdicts on outcomes, and the open alarms.
     """
 
     feed: StepFeed
@@ -84,8 +84,8 @@ class StationSide:
 class MissionRun:
     """One mission, from its words to its report.
 
-    `work` may be called again after the mission had to make way for an emergency. It then continues
-    at the present phase of its workflow, with a new plan.
+    `work` may be called again after an emergency has preempted the mission. The mission then
+    continues at the present phase of its workflow, with a new plan.
     """
 
     def __init__(
@@ -107,23 +107,23 @@ class MissionRun:
         self._goes_on = asyncio.Event()
         self._goes_on.set()
         self._done = 0
-        """The number of steps of the order that are done."""
+        """The number of the order's steps that are done."""
         self._ordered: list[Move] = []
-        """The orders of the mission; also those of a plan that was not approved."""
+        """The moves that the mission's plans ordered, including a plan that was not approved."""
         self.moving = False
-        """True while the mission waits for the fleet, so that the fleet need not wait for it."""
+        """True while the mission waits for the fleet; the fleet must not wait for it then."""
         alarm = next((a for a in station.open_alarms() if a.id == mission.alarm), None)
         self._facts = ReportFacts(mission, alarm, warnings=services.rulebook.seal.warnings)
         self._results = Results(mission, self._progress, self._monitor, station.open_alarms)
 
     @property
     def mission(self) -> Mission:
-        """The mission, with its words as read so far."""
+        """The mission, with its text as it has been read so far."""
         return self._context.mission
 
     @property
     def subjects(self) -> frozenset[str]:
-        """The subjects of the mission: its own and the tracks of its workflows."""
+        """The subject of the mission, if it has one, and the tracks of its workflows."""
         own = (self.mission.subject,) if self.mission.subject is not None else ()
         return frozenset((*own, *self._progress.tracks))
 
@@ -173,7 +173,7 @@ class MissionRun:
         self.close(outcome)
 
     def _all_done(self) -> MissionResult | None:
-        """Return the result if all steps were done before the mission made way; None otherwise."""
+        """Return the result if the mission was preempted after its last step; None otherwise."""
         read = self._understood
         if read is None or not (read.steps or read.patrol):
             return None
@@ -182,9 +182,9 @@ class MissionRun:
         return self._results.conclude() if self._done >= count else None
 
     async def _await_assets(self) -> None:
-        """Wait until the assets that an order needs can start, at most READY_S.
+        """Wait, at most READY_S, until the assets that an operator's order needs can start.
 
-        The mission of an alarm does not wait.
+        Other missions do not wait.
         """
         fleet = self._services.fleet
         end_s = fleet.time_s + READY_S
@@ -212,7 +212,7 @@ class MissionRun:
         self._emit(ev.Noticed(level="info", subject=self.mission.id, text=text))
 
     def _begin_as(self, understood: Understood) -> None:
-        """Continue with the mission as it was read."""
+        """Continue with the mission as it was understood."""
         mission, self._understood = understood.mission, understood
         self._context.described = understood.described
         if understood.patrol is not None:
@@ -298,7 +298,7 @@ class MissionRun:
             reasons, task = self._results.lacking(following, task), following
 
     def _retrieve(self, task: Mission) -> RetrievedRules:
-        """Retrieve the rules (step 3); keep a reading that the operator confirmed for this text."""
+        """Retrieve the rules (step 3); keep a reading that the operator chose for the same text."""
         before = self._retrieved
         chosen = before.chosen if before is not None and before.task.text == task.text else ""
         retrieved = retrieve(self._context, task, self._progress.verbs, chosen)
@@ -310,8 +310,8 @@ class MissionRun:
     ) -> ApprovedPlan | MissionResult | NotUnderstood:
         """Plan, examine, judge and decide (steps 3 to 7) until a plan is approved or none can be.
 
-        The steps are repeated for the operator's own plan or reading, and for a plan that a change
-        of the situation has made void.
+        These steps are repeated if the operator gives a plan or chooses another reading, and if a
+        change of the situation makes the plan void.
         """
         context, voided = self._context, 0
         proposed = self.mission.proposed if not self._facts.plans else None
@@ -397,8 +397,9 @@ class MissionRun:
     ) -> tuple[str, ...] | MissionResult:
         """Execute and verify one plan, watch its consequences, and request a verdict.
 
-        These are steps 8 and 9. Returns the reasons for a halt, or the mission's result if a plan
-        in steps was not completed. The report also includes a plan that was interrupted.
+        These are steps 8 and 9. Returns the reasons for a halt; empty if the plan ran to its end.
+        Returns the mission's result if a plan in steps was not completed. A plan that was
+        interrupted is also reported.
         """
         decided, shown, services = approved.decided, approved.planned.best, self._services
         services.gate.grant(decided.request, decided.decision, services.rulebook)
@@ -443,7 +444,7 @@ class MissionRun:
     ) -> tuple[str, ...] | MissionResult:
         """Execute and verify a plan in steps; return the mission's result if it was not completed.
 
-        Each step is verified by itself; the judge is not asked about the outcome.
+        Each step is verified by itself. The judge is not asked about the outcome.
         """
         context, shown = self._context, approved.planned.best
         steps = StepByStep(
@@ -464,7 +465,7 @@ class MissionRun:
     async def _see_it_out(self, shown: Candidate, phase: str, task: Mission) -> None:
         """Enter the workflow of an executed plan and watch its consequences.
 
-        If the watch is interrupted, an event reports that there is no verdict.
+        If the watch is interrupted, an event reports that there is no verdict on the outcome.
         """
         try:
             self._emit_workflow(self._progress.join(shown.examination.plan, self._now()))
@@ -475,7 +476,7 @@ class MissionRun:
             raise
 
     def _remember(self, shown: Candidate) -> tuple[Move, ...]:
-        """Record and return a plan's orders, with each asset's post before the plan."""
+        """Record and return a plan's moves, each with the asset's post before the plan."""
         ordered = ordered_by(shown.examination.plan, self._services.fleet.picture())
         self._ordered += ordered
         return ordered

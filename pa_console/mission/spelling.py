@@ -1,13 +1,12 @@
 """Steps 1 and 2: the words of a mission, corrected and checked before any model reads them.
 
-Misspelt words are corrected. A word is misspelt if it is in no dictionary, list of operators'
-words, rule or name of the world. It is replaced by the likeliest word within a few typing slips (a
-noisy channel model). Known words stay as they are, so a rule's words never vanish, and the original
-text is kept as well.
+A word is misspelt if it is not in the dictionary, the operators' words, the rules, or the names of
+the world. It is replaced by the likeliest word within a few typing slips (a noisy channel model).
+Known words stay as they are, so the words of rules never vanish. The original text is kept as well.
 
-A model finds an order in any text. So the operator is asked about a text, and no plan is made for
-it, if it is not English, has no words, is program text, or mentions nothing of the site. The
-decision depends only on fixed word lists and the dictionary; nothing here is fitted to texts.
+A model reads an order into any text. The operator is therefore asked about a text that is not
+English, has no words, is program text, or names nothing at the site, and no plan is made for it.
+The decision depends only on fixed word lists and the dictionary, and has no fitted parameters.
 """
 
 import json
@@ -34,20 +33,20 @@ from pa_console.resources import data_folder
 from pa_console.schema.world import World
 
 SHORT, _LONG = 3, 8
-"""The length of a short word, which is near to too many others, and that of a long one, which may
-have two slips."""
+"""The greatest length of a short word, which is near too many others, and the least length of a
+long word, which may have two slips."""
 _SLIP, _FIRST_LETTER = math.log(0.004), math.log(0.05)
-"""The log likelihoods of one slip, and of a slip in a word's first letter, relative to none."""
+"""The log likelihood of a slip, and the additional one of a slip in a word's first letter."""
 _NAMED = 0.13
 """The share of a mission's words that come from the world's names: two of fifteen."""
 _TURNING = frozenset(
     ("not", "nor", "non", "yes", "but", "all", "any", "off", "out", "one", "two", "six", "ten")
 )
-"""Short words that change the meaning; only the same letters, swapped or doubled, count as a
-slip."""
+"""Short words that change the meaning of an order. A word is corrected to one of them only if both
+have the same set of letters."""
 _RARE = 100
-"""The count, in the dictionary's 1.6 billion words, up to which a word may belong to any
-language."""
+"""The number of occurrences in the dictionary's 1.6 billion words up to which a word may belong to
+any language."""
 _BRITISH = (
     (re.compile(r"(?<=\w\w)is(e[drs]?|ers|ing|ations?)$"), r"iz\1"),
     (re.compile(r"(?<=\w\w)ys(e[drs]?|ers|ing)$"), r"yz\1"),
@@ -56,24 +55,25 @@ _BRITISH = (
     (re.compile(r"^(met|cent|lit|theat|fib|calib)re(s|d)?$"), r"\1er\2"),
     (re.compile(r"^(def|off|lic|pret)ence(s|less)?$"), r"\1ense\2"),
 )
-"""British endings, with the American ones of the dictionary."""
+"""British endings, each with the American ending that the dictionary has."""
 _OTHERWISE: Mapping[str, str] = {
     "manoeuvr": "maneuv", "draught": "draft", "plough": "plow", "mould": "mold", "grey": "gray",
     "smoulder": "smolder", "tyre": "tire", "kerb": "curb", "cheque": "check", "storey": "story",
 }  # fmt: skip
-"""British beginnings of words, with the American ones."""
+"""British beginnings of words, each with the American beginning."""
 
 _WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*")
 _ENDING = re.compile(r"['’](?:s|re|ve|ll|d|m|t)$")
 _CALL_SIGN = re.compile(r"\w*[\d_]\w*")
-"""Call signs, numbers, and names of assets and frames: they belong to no language."""
+"""Call signs, numbers, and names of assets and frames, which belong to no language."""
 _ALPHABET = frozenset("abcdefghijklmnopqrstuvwxyz")
 _MOST_STRANGE = 0.3
-"""The weighted share of words at which a text counts as not English."""
+"""The weighted share of unknown words from which a text counts as not English."""
 _RUN, _HIDDEN = 6, 0.5
-"""The length of a run of words, and the weighted share of them at which a text is not English."""
+"""The number of words in a run, and the weighted share of unknown words in one run from which a
+text counts as not English."""
 _SLIP_WEIGHT = 0.35
-"""The weight of an unknown word that is nearly a word of orders."""
+"""The weight of an unknown word that is nearly an operators' word or a name."""
 _OTHER_LANGUAGES = frozenset(
     word
     for words in (
@@ -91,8 +91,8 @@ _OTHER_LANGUAGES = frozenset(
 )
 """The commonest words of other languages that English orders do not use.
 
-The languages are German, French, Spanish, Italian, Portuguese, Dutch, Scandinavian, Polish and
-Turkish, Romanian, Czech and Indonesian, in this order. Other alphabets need no list.
+The lines are, in this order: German; French; Spanish; Italian; Portuguese; Dutch; Scandinavian
+languages; Polish and Turkish; Romanian, Czech and Indonesian. Other alphabets need no list.
 """
 _CODE = re.compile(
     r"[A-Za-z_][\w.]*\((?!s\))[^()]*\)[\s:;)]*$"
@@ -106,20 +106,20 @@ _ENCODED = re.compile(
     r"(?=\S*[a-z])(?=\S*[A-Z])(?=\S*\d)[^\s,;:_\"'()]{32,}"
     r"|(?:%[0-9A-Fa-f]{2,4}|&#?\w{1,8};|\\[ux][0-9A-Fa-f]{2,4}){3,}"
 )
-"""A long run of letters and digits, as in base64, or letters as numbers: an order may be hidden
-there."""
+"""A long run of letters and digits, as in base64, or letters written as numbers. Such text may hide
+an order."""
 _DECODE = re.compile(
     r"\b(?:decode|decipher|decrypt|unscramble|rot-?13|base-?64)\b"
     r"|\bread\s+(?:[\w-]+\s+){0,3}?(?:backwards?|in\s+reverse|from\s+(?:the\s+)?right)\b"
 )
-"""Instructions to read words as other words, matched in plain words (`policy.plain_text`)."""
+"""Instructions to decode words, matched in plain words (`policy.plain_text`)."""
 
 _TYPED = re.compile(r"(?<![\w'])(?:[A-Z][a-z]{2,}|[a-z]{3,}|[A-Z]{3,})(?![\w'])")
-"""Words that may be misspelt: no names with digits or in camel case, no contractions, and no words
-of two letters."""
+"""Words that may be misspelt. Names with digits or in camel case, contractions, and words of two
+letters are not corrected."""
 _FOREIGN = 0.25
-"""The share of the unknown words that may have no near word; above it, the text is not corrected,
-because it is not English."""
+"""The share of unknown words without a near word above which a text is not corrected, because it is
+not English."""
 
 
 class English:
@@ -128,7 +128,7 @@ class English:
     def __init__(self, counts: Mapping[str, int], operators: Iterable[str]) -> None:
         """Combine the `counts` of words in a large text with the operators' words.
 
-        `operators` has the most frequent word first.
+        `operators` begins with the most frequent word.
         """
         total = sum(counts.values())
         self._likely: defaultdict[str, float] = defaultdict(float)
@@ -149,28 +149,28 @@ class English:
         return word in self._likely or any(form in self._likely for form in _american(word))
 
     def is_common(self, word: str) -> bool:
-        """Return whether `word`, in lower case, is certainly English and not among the rarest."""
+        """Return whether `word`, in lower case, is English and not among the rarest words."""
         forms = (word, *_american(word))
         return any(self._likely.get(form, 0.0) > self._rare for form in forms)
 
     def is_operators(self, word: str) -> bool:
-        """Return whether operators use `word`, in lower case."""
+        """Return whether `word`, in lower case, is one of the operators' words."""
         return word in self._operators
 
     def is_near(self, word: str, names: "NameWords") -> bool:
-        """Return whether `word` is nearly a word of operators or one of the world's `names`."""
+        """Return whether `word` is nearly an operators' word or one of the world's `names`."""
         if self.likeliest(word, names, plain=False) is not None:
             return True
         listed = (*names.words, *self._operators)
         near = process.extractOne(word, listed, scorer=fuzz.ratio, score_cutoff=NEARLY)
         return near is not None and len(word) > SHORT
 
-    @lru_cache(maxsize=1024)  # noqa: B019 - there is one for the life of the process
+    @lru_cache(maxsize=1024)  # noqa: B019 - one instance lives as long as the process
     def likeliest(self, word: str, names: "NameWords", plain: bool) -> str | None:
-        """Return the word that `word` was meant to be; None if no word is near.
+        """Return the word that was meant by `word`; None if no word is near.
 
-        Unless `word` is `plain`, only names of the world and operators' words are considered. The
-        same holds for short words, which are near to too many others.
+        Only names of the world and operators' words are considered, unless `word` is `plain` and
+        not short. Short words are near too many others.
         """
         slips = 1 if len(word) < _LONG else 2
         lengths = range(max(len(word) - slips, SHORT), len(word) + slips + 1)
@@ -219,9 +219,9 @@ def name_words(world: World) -> NameWords:
 
 @lru_cache(maxsize=8)
 def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
-    """Return the words in the names of places and assets; the latter also in the plural.
+    """Return the words in the names of places and assets, those of assets also in the plural.
 
-    The words of a place may be typed as one: `stonegate`.
+    The words of a place are also returned as one word: `stonegate`.
     """
     words = [word.lower() for name in (*places, *assets) for word in WORD.findall(name)]
     words += ["".join(words).lower() for words in map(WORD.findall, places) if len(words) > 1]
@@ -231,7 +231,7 @@ def _name_words(places: tuple[str, ...], assets: tuple[str, ...]) -> NameWords:
 
 
 def _american(word: str) -> Iterator[str]:
-    """Yield the American spellings of `word`, if it may be British."""
+    """Yield the American spellings of `word`, if its spelling may be British."""
     for british, american in _BRITISH:
         if british.search(word):
             yield british.sub(american, word)
@@ -242,15 +242,15 @@ def _american(word: str) -> Iterator[str]:
 
 @lru_cache(maxsize=4)
 def rule_words(rulebook: Rulebook) -> frozenset[str]:
-    """Return every word that a rule uses, in its text or in its checks."""
+    """Return every word that a rule of `rulebook` uses, in its text or in its checks."""
     rules = (rule.model_dump_json().lower() for rule in rulebook.rules)
     return frozenset(word for rule in rules for word in re.findall("[a-z]+", rule))
 
 
 class _UnknownWords(NamedTuple):
-    """The words of a text without names, each with a weight: 0.0 if English, 1.0 if not.
+    """The words of a text except names, each with a weight: 0.0 if it is English, 1.0 if not.
 
-    A word that is nearly a word of orders or a name has the weight `_SLIP_WEIGHT`.
+    A word that is nearly an operators' word or a name has the weight `_SLIP_WEIGHT`.
     """
 
     words: tuple[tuple[str, float], ...]
@@ -268,7 +268,7 @@ class _UnknownWords(NamedTuple):
 
     @property
     def strangest_run(self) -> "_UnknownWords":
-        """The run of `_RUN` words with the most unknown ones; all words if there are fewer."""
+        """The run of `_RUN` words (or all, if fewer) with the largest share of unknown words."""
         starts = range(max(len(self.words) - _RUN, 0) + 1)
         runs = [_UnknownWords(self.words[at : at + _RUN]) for at in starts]
         return max(runs, key=lambda run: run.share)
@@ -277,8 +277,8 @@ class _UnknownWords(NamedTuple):
 def question_back(typed: str, read: str, world: World, rulebook: Rulebook) -> str:
     """Return the question about a text that is not an order; '' if it may be one.
 
-    `typed` is the original text, `read` the corrected one. A text with a question may not move any
-    asset.
+    `typed` is the original text, and `read` the corrected text. While the question is open, the
+    text must not move any asset.
     """
     unknown = _words(typed, world, rulebook)
     if not unknown.words and not find_mentions(world, typed):
@@ -337,18 +337,18 @@ def _is_code(text: str) -> bool:
 
 
 def _moves_nobody(text: str) -> bool:
-    """Return whether a text without names may be an order that needs none: *freeze*."""
+    """Return whether a text without names may be an order that needs no name, such as *freeze*."""
     return any(verb.means & STILL_TASKS for verb in find_verbs(text))
 
 
 def read_words(text: str, world: World, rulebook: Rulebook) -> str:
-    """Return an operator's words with corrected misspellings, if they are English."""
+    """Return an operator's words with misspellings corrected, if the words are English."""
     strange = _words(text, world, rulebook).share >= _MOST_STRANGE
     return text if strange else respell(text, world, rulebook)
 
 
 def respell(text: str, world: World, rulebook: Rulebook) -> str:
-    """Return `text` with its misspelt words corrected; a text in another language is unchanged."""
+    """Return `text` with misspelt words corrected; a text in another language is unchanged."""
     dictionary, names = english(), name_words(world)
     known_words = rule_words(rulebook).union(names.words)
     shouted = text.isupper()
@@ -369,12 +369,12 @@ def respell(text: str, world: World, rulebook: Rulebook) -> str:
 
 
 def prepare() -> None:
-    """Load the dictionary in advance, so that no mission waits for it."""
+    """Load the dictionary in advance, so that no mission has to wait for it."""
     english()
 
 
 def _correction(typed: re.Match[str], names: NameWords, dictionary: English) -> str | None:
-    """Return the intended word for `typed`, in the same case; None if no word is near."""
+    """Return the word that was meant by `typed`, in the same case; None if no word is near."""
     word = typed[0]
     before = typed.string[: typed.start()].rstrip(" \"'(")
     capital = word[0].isupper() and not word.isupper()

@@ -1,4 +1,4 @@
-"""Commands that stop assets: sent at once, and resent until each is known to stand still."""
+"""Commands that stop assets, sent at once and resent until each asset is known to stand still."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,25 +20,25 @@ from pa_console.schema.telemetry import AssetTelemetry, Picture
 from pa_console.schema.world import World
 
 CONFIRM_S = 1.0
-"""The time after which an asset that has not answered a stop is reported, in seconds."""
+"""The time after which an asset that is not known to stand still is reported, in seconds."""
 
 STANDS_MPS = 0.05
-"""The highest reported speed of a standing asset, m/s; measured speeds are never quite zero."""
+"""The highest reported speed, in m/s, of a standing asset; measured speeds are rarely zero."""
 
 MOVED_M = 2.0
 """The largest scatter in the reported positions of an asset that stands still, in metres."""
 
 AGAIN_S = 0.2
-"""The time between two resends of an unanswered hold, in seconds. The first resend is after
-FIRST_AGAIN_S, by when most links have answered."""
+"""The time between two resends of an unanswered hold, in seconds. The first resend comes after
+FIRST_AGAIN_S, when most assets have answered."""
 FIRST_AGAIN_S = 0.4
 
 QUICK_TRIES = 30
-"""The number of resends at intervals of AGAIN_S. On a link that loses four of five messages, one
-hold in a thousand has not arrived by then."""
+"""The number of resends at intervals of AGAIN_S. On a link that loses four of five messages, all of
+them are lost for one hold in a thousand."""
 
 MOST_AT_ONCE = 100
-"""The most holds resent in one step, those that have waited longest first."""
+"""The largest number of holds resent in one step; those that have waited longest come first."""
 
 SAFETY_LIMIT_S = 60.0
 """The time for which a way to safety is resent to assets that have not answered, in seconds."""
@@ -46,10 +46,11 @@ SAFETY_LIMIT_S = 60.0
 
 @dataclass
 class _Held:
-    """The hold of one asset: `sent` is the tick of its last sending, `at` where the asset stopped.
+    """The hold of one asset, last `sent` at a tick; `at` is the position where the asset stopped.
 
-    `times` is the number of resends; `quick` more follow at short intervals, and `slow` have
-    followed at long ones. `silent` is True while the picture has no fresh telemetry of the asset.
+    `times` is the number of resends so far, of which `slow` were at long intervals. `quick` is the
+    number of resends left at short intervals. `silent` is True while the picture has no fresh
+    telemetry of the asset.
     """
 
     command: DeviceCommand
@@ -90,19 +91,19 @@ class _Held:
 
 
 class StopConfirmation:
-    """The confirmation of a stop, for each asset by its answer and its telemetry.
+    """The confirmation of a stop by the answer and the telemetry of each asset.
 
-    An answer alone confirms nothing: telemetry sent after the stop must show that the asset stands
-    still, and continue to show it. An asset that moves again is in doubt again.
+    An answer alone confirms nothing. Telemetry sent after the stop must also show that the asset
+    stands still, and continue to show it. If an asset moves again, it is in doubt again.
     """
 
     def __init__(
         self, holds: Sequence[DeviceCommand], world: World, tick: int, time_s: float
     ) -> None:
-        """Begin at `tick` and `time_s` of the fleet's clock, when the stop was pressed."""
+        """Begin at `tick` and `time_s`, the fleet's time at which the stop was pressed."""
         self._held = {hold.agent: _Held(hold, tick) for hold in holds}
         self._dt_s, self._pressed_s = world.dt_s, time_s
-        # A report from just before the stop and the next picture may lie one period apart.
+        # The first report after the stop may arrive a whole period later.
         self._look_s = CONFIRM_S + world.telemetry_period_s - world.dt_s
 
     @property
@@ -140,9 +141,9 @@ class StopConfirmation:
         """Return the holds to resend at `tick`, each with its number of resends.
 
         An unanswered hold is due every AGAIN_S, QUICK_TRIES times, and then at growing intervals,
-        like any command. Once a silent asset reports again, the quick resends begin anew. A hold
-        with a final reply is due while its asset is `overdue`. A resent hold keeps its id, so that
-        a device recognizes the repetition.
+        like any command. When a silent asset reports again, the quick resends start over. A hold
+        with a final reply is due only while its asset is `overdue`. A resent hold keeps its id, so
+        that the device recognizes the repetition.
         """
         due = [
             held
@@ -174,7 +175,7 @@ class StopConfirmation:
 
 
 class EmergencyStop:
-    """The stop of all assets, and the ways to safety of missions that have ended."""
+    """The stop of all assets, and the ways to safety of missions that were ended early."""
 
     def __init__(self, fleet: Fleet, gate: CommandGate) -> None:
         self._fleet, self._gate = fleet, gate
@@ -184,14 +185,14 @@ class EmergencyStop:
 
     @property
     def waiting(self) -> bool:
-        """True while a way to safety is unanswered, or an asset is not known to stand still."""
+        """True while a way to safety is not completed, or an asset is not known to stand still."""
         return bool(self._open) or (self._stop is not None and not self._stop.confirmed)
 
     def hold_all(self) -> list[ev.EventPayload]:
         """Stop everything: send every asset a hold, whatever its state; return the events.
 
-        A hold is resent until telemetry shows that its asset stands still, however long that takes,
-        and whenever an asset moves again before `release`.
+        A hold is resent, with no time limit, until telemetry shows that its asset stands still. It
+        is resent again if the asset moves again before `release`.
         """
         self._open.clear()
         holds = self._gate.stop_all()
@@ -207,7 +208,7 @@ class EmergencyStop:
         self._stop, self._overdue = None, {}
 
     def follow(self, commands: Sequence[DeviceCommand]) -> Iterator[ev.EventPayload]:
-        """Send the commands of a mission's way to safety; yield the events. `step` follows them."""
+        """Send the commands of a mission's way to safety; yield the events. `step` resends them."""
         events: list[ev.CommandSent | ev.CommandRefused] = []
         self._gate.send(commands, events.append)
         yield from events
@@ -235,7 +236,7 @@ class EmergencyStop:
     def _confirm(
         self, stop: StopConfirmation, tick: int, replies: Sequence[CommandReply]
     ) -> Iterator[ev.EventPayload]:
-        """Compare a stop with replies and telemetry; yield events for changes of the doubts."""
+        """Compare a stop with replies and telemetry, and resend holds; yield the events."""
         for reply in stop.answer(replies):
             yield ev.CommandReplied(reply=reply)
         overdue = stop.look(self._fleet.picture(), self._fleet.time_s)

@@ -1,4 +1,4 @@
-"""Step 2 of a mission: what its words refer to, and what they rule out by themselves."""
+"""Step 2 of a mission: the reading of its words without a model."""
 
 import asyncio
 from dataclasses import dataclass, replace
@@ -32,34 +32,33 @@ from pa_console.schema.mission import (
 )
 
 LAST_ORDER = "the order before"
-"""The words under which the commands of the previous order are listed as a reference."""
+"""The words for the previous order's commands in the list of references."""
 
 
 @dataclass(frozen=True)
 class RefusedMission:
-    """A mission that no plan may serve; `reason` names the rules."""
+    """A mission for which no plan may be made; `reason` names the rules."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """A mission with words that are not clear as an order, and the `question` about them.
+    """A mission that is not clear as an order, and the `question` about it.
 
-    If only the `words` are unclear, `choices` has their possible meanings.
+    If only some `words` are unclear, `choices` has their possible meanings.
     """
 
     question: str
     words: str = ""
     choices: tuple[str, ...] = ()
     describes: bool = False
-    """True if the words describe assets, so that a model with enough confidence may settle the
-    question."""
+    """True if the words describe assets, so that confident models may settle the question."""
 
 
 @dataclass(frozen=True)
 class Understood:
-    """A mission that can be planned, with names in place of references."""
+    """A mission that can be planned, with references replaced by names."""
 
     mission: Mission
     references: tuple[ev.Reference, ...] = ()
@@ -68,22 +67,22 @@ class Understood:
     corrects: bool = False
     """True if the mission replaces the last order."""
     steps: tuple[str, ...] = ()
-    """The words of each step of an order in steps; each step is read when it is planned."""
+    """The words of each step, if the order is in steps; each step is read when it is planned."""
     patrol: Patrol | None = None
     """The patrol, if the mission is one."""
     unsettled: NotUnderstood | None = None
-    """The question that is asked unless the models settle which assets the words describe."""
+    """The question to ask unless the models settle which assets the words describe."""
 
     @property
     def described(self) -> tuple[str, tuple[str, ...]]:
-        """The words that describe an asset, and the assets that they may mean."""
+        """The unsettled words that describe an asset, and the assets that they may mean."""
         question = self.unsettled
         return (question.words, question.choices) if question is not None else ("", ())
 
 
 @dataclass(frozen=True)
 class StandingOffer:
-    """A standing order to propose, and the missions that it would start `now`."""
+    """A standing order to propose, with the missions that it would start `now`."""
 
     trigger: Trigger
     now: tuple[StandingStart, ...] = ()
@@ -97,11 +96,11 @@ class StandingOffer:
 async def understand(
     context: MissionContext, answers: Answers
 ) -> RefusedMission | NotUnderstood | Understood | StandingOffer:
-    """Read a mission's words: find what they refer to and what they rule out (step 2).
+    """Read a mission's words without a model (step 2).
 
-    The rules on words may refuse the mission, and words that are no order lead to a question. An
-    order with a condition or a time is a standing order. No model is asked. `answers` are the
-    operator's answers to questions about the words.
+    The rules on words may refuse the mission. Words that are not an order lead to a question. An
+    order with a condition or a time becomes a standing order. `answers` are the operator's answers
+    to questions about the words.
     """
     refused = await _refused(context, context.mission)
     if refused is not None or context.mission.source == "alarm":
@@ -127,7 +126,7 @@ async def understand(
 
 
 def _leaning(context: MissionContext, read: Understood) -> Understood:
-    """Return `read` with the commands of the previous order, if its words still refer to them."""
+    """Return `read`, with the previous order's commands if its words still refer to that order."""
     scene, mission = _scene(context), read.mission
     if mission.source != "operator" or scene.last is None or not leans(scene, mission.text):
         return read
@@ -140,10 +139,10 @@ def _leaning(context: MissionContext, read: Understood) -> Understood:
 
 
 def _no_order(context: MissionContext) -> NoOrder | None:
-    """Return the sign that typed words are no order for now; None if they may be one.
+    """Return the sign that typed words are no order to carry out; None if they may be an order.
 
-    Missions of a standing order were approved with it. A standing order is an order by its form,
-    although it waits.
+    The words of a standing order's missions are not tested, because they were approved with the
+    standing order. Words that wait for a condition are an order if they are a standing order.
     """
     mission, scene = context.mission, _scene(context)
     if mission.source == "standing" or mission.proposed is not None:
@@ -175,9 +174,9 @@ def _ban(context: MissionContext) -> StandingOffer | None:
 
 
 def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
-    """Return an order in steps or a patrol, or a question about it; None for any other.
+    """Return an order in steps or a patrol, or a question about it; None for any other order.
 
-    A plan that came with the words has its own steps.
+    Returns None also for a mission that was proposed with a plan, which has its own steps.
     """
     mission, scene = context.mission, _scene(context)
     if mission.proposed is not None:
@@ -196,7 +195,7 @@ def _in_steps(context: MissionContext) -> NotUnderstood | Understood | None:
 
 
 def _is_for_later(context: MissionContext) -> bool:
-    """Return whether the words are a standing order, with a condition or a time."""
+    """Return whether the words are a standing order with a condition or a time."""
     services, text = context.services, context.mission.text
     now, shortest_s = services.standing.time.now, services.standing.limits.shortest_s
     timed = read_timed(services.fleet.world, text, now, {}, shortest_s)
@@ -206,10 +205,10 @@ def _is_for_later(context: MissionContext) -> bool:
 async def _standing(
     context: MissionContext,
 ) -> RefusedMission | NotUnderstood | StandingOffer | None:
-    """Return a standing order with a condition to approve, or its fault; None if there is none.
+    """Return a standing order with a condition, for approval, or its fault; None for other words.
 
-    Its order is read for one example subject. An order that can never be read, or that the rules on
-    words refuse, cannot be a standing order either.
+    The order is read for one example subject. It must be readable, and the rules on words must not
+    refuse it.
     """
     services, mission = context.services, context.mission
     standing = read_standing(services.scene, mission.text)
@@ -252,10 +251,10 @@ async def _standing(
 async def _timed(
     context: MissionContext, answers: Answers
 ) -> RefusedMission | NotUnderstood | StandingOffer | None:
-    """Return a timed order to approve, or its fault; None for an order without a time.
+    """Return a timed order, for approval, or its fault; None for an order without a time.
 
-    References such as *it* are resolved now, with their present meaning. Descriptions, such as the
-    nearest drone, are resolved anew each time that the order runs.
+    References such as *it* are resolved once, now. Descriptions such as *the nearest drone* are
+    resolved anew each time that the order starts a mission.
     """
     services, mission = context.services, context.mission
     standing, now = services.standing, services.standing.time.now
@@ -294,7 +293,7 @@ async def _timed(
 def _timed_patrol(
     scene: ReferenceScene, schedule: Schedule, read: Understood, patrol: Patrol
 ) -> Understood | NotUnderstood:
-    """Return the patrol as it was `read` if the schedule suits it, or a question about it."""
+    """Return the order as it was `read` if the schedule suits the patrol, otherwise a question."""
     takes_s = least_s(patrol, scene)
     if 0.0 < schedule.every_s < takes_s:
         every, least = duration_words(schedule.every_s), duration_words(round(takes_s))
@@ -306,7 +305,7 @@ def _timed_patrol(
 
 
 def _time_of_a_step(scene: ReferenceScene, text: str, order: str, now: datetime) -> str:
-    """Return the question about a time in a later step of an order in steps; '' if none."""
+    """Return the question about a time in a later step of an order; '' if no such step has one."""
     whole, rest = read_steps(scene, text), read_steps(scene, order)
     if not isinstance(whole, ReadSteps) or not isinstance(rest, ReadSteps):
         return ""
@@ -323,7 +322,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
     resolved = resolve(_scene(context), mission.text, answers)
     text = resolved.text if isinstance(resolved, ResolvedOrder) else mission.text
     if isinstance(resolved, Unclear) and resolved.choices:
-        # Before it is resolved, *Send it home* would name nothing of this site.
+        # Unresolved, *Send it home* would name nothing of this site.
         text = with_answers(text, {resolved.words: resolved.choices[0]})
     if question := question_back(mission.said, text, world, rules):
         return NotUnderstood(question)
@@ -344,7 +343,7 @@ def _read(context: MissionContext, answers: Answers) -> NotUnderstood | Understo
 
 
 def _scene(context: MissionContext) -> ReferenceScene:
-    """Return the possible referents; an agent cannot refer to earlier orders or the mark."""
+    """Return the scene for references; an agent cannot refer to earlier orders or the mark."""
     scene = context.services.scene
     return replace(scene, past=(), pointer="") if context.mission.agent else scene
 

@@ -1,8 +1,8 @@
-"""Step 9: the verification of a plan by telemetry; unknown never counts as done.
+"""Step 9: the verification of a plan by telemetry; an unknown outcome never counts as a pass.
 
-A pass requires reports that are fresh and plausible, and were sent at or after the end of the
-command. A device's own *done* proves nothing. The judge's verdict on the outcome does not change
-the result: it is requested while the model is idle, and emitted as a separate event.
+A pass requires fresh and plausible reports that were sent at or after the end of the command. A
+device's own *done* proves nothing. The judge's verdict on the outcome does not change the result.
+It is requested while the model is idle, and emitted as a separate event.
 """
 
 import asyncio
@@ -33,11 +33,11 @@ from pa_console.schema.world import World
 STILL_MPS = 0.5
 
 Start = Callable[[Coroutine[None, None, object]], object]
-"""Starts a coroutine that runs alongside the session."""
+"""A function that starts a coroutine to run alongside the session."""
 
 
 class _Conclusion(NamedTuple):
-    """A conclusion from telemetry, its reason, and the time of its oldest report."""
+    """A conclusion from telemetry, its reason, and the time of the oldest report that it uses."""
 
     outcome: Outcome
     reason: str
@@ -46,7 +46,7 @@ class _Conclusion(NamedTuple):
 
 @dataclass(frozen=True)
 class _Evidence:
-    """The pictures before and after the plan, and the end of one command in simulated seconds."""
+    """The pictures before and after a plan, and the end of one command in simulated seconds."""
 
     world: World
     before: Picture
@@ -59,8 +59,8 @@ def verify(
 ) -> Verification:
     """Compare the present telemetry with the effects that an executed plan should have (step 9).
 
-    It is not called for a plan that was halted. `step` is the number of `plan` among the steps of
-    the approved plan; 0 for a whole plan.
+    The plan must not have been halted. `step` is the number of `plan` among the steps of the
+    approved plan; 0 for a whole plan.
     """
     started, fleet = perf_counter(), context.services.fleet
     before, after = executed.before, fleet.picture()
@@ -73,11 +73,12 @@ def verify(
 def verify_plan(
     plan: Plan, world: World, before: Picture, after: Picture, final: Mapping[str, CommandReply]
 ) -> Verification:
-    """Compare `after` with the effect that every action should have.
+    """Compare the picture `after` with the effect that every action should have.
 
-    `final` maps agents to the last reply to their command; its tick is the end of the command. A
-    gate that was covered before and is uncovered now makes the outcome a failure, whatever the
-    actions did (WF-03). A gate whose cover is unknown now makes the outcome unknown.
+    `final` maps each agent to the last reply to its command; the tick of the reply is the end of
+    the command. If a gate was covered before and is uncovered now, the outcome is a failure
+    whatever the actions achieved (WF-03). If the gate's cover is unknown now, the outcome is
+    unknown at best.
     """
     ends = {agent: reply.tick * world.dt_s for agent, reply in final.items()}
     seen = [
@@ -108,7 +109,7 @@ def verify_plan(
 def _overall(
     actions: tuple[ActionOutcome, ...], gates: Mapping[str, _Conclusion]
 ) -> tuple[Outcome, str]:
-    """Return the worst outcome of all and the reasons for it."""
+    """Return the worst outcome of all actions and gates, with the reasons for it."""
     reasons: dict[Outcome, list[str]] = {"fail": [], "unknown": [], "pass": []}
     for gate, seen in gates.items():
         reasons[seen.outcome].append(f"{gate} {seen.reason}")
@@ -123,7 +124,7 @@ def _overall(
 
 
 def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str, _Conclusion]]:
-    """Yield each gate that was covered before the plan, with the conclusion for after it."""
+    """Yield each gate that was covered before the plan, with the conclusion about its cover now."""
     for gate, was in before.gates.items():
         if not was.covered:
             continue
@@ -145,7 +146,7 @@ def _gates(before: Picture, after: Picture, end_s: float) -> Iterator[tuple[str,
 
 
 def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> _Conclusion:
-    """Verify one action; if telemetry contradicts it, it has failed even without an answer."""
+    """Verify one action; it fails if telemetry contradicts it, even without an answer."""
     after = evidence.after
     asset = after.assets.get(action.agent)
     if asset is None:
@@ -166,7 +167,7 @@ def _action(action: Action, evidence: _Evidence, reply: CommandReply | None) -> 
 
 
 def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclusion:
-    """Verify one action by telemetry alone; the asset's report is fresh and plausible."""
+    """Verify one action by telemetry alone, given a fresh and plausible report of the asset."""
     place = asset.at or "between frames"
     stamp_s = asset.stamp_s
     if asset.status == "failed":
@@ -193,7 +194,7 @@ def _seen(action: Action, evidence: _Evidence, asset: AssetTelemetry) -> _Conclu
 
 
 def _tracks(action: Action, evidence: _Evidence) -> _Conclusion:
-    """Verify `identify` or `warn` by the tracks that sensors report at its frame now."""
+    """Verify an `identify` or `warn` by the tracks that sensors now report at its frame."""
     here = [track for track in evidence.after.tracks.values() if track.gate == action.target]
     if not here:
         return _Conclusion("unknown", "the track is gone")
@@ -225,9 +226,8 @@ def _dealt_with(action: Action, track: Track) -> bool:
 class OutcomeCase:
     """An executed plan with its verification, and the pictures `before` and after it.
 
-    `selection` is the part of the picture that the plan was made from; None means all of it.
-    `feedback` is the judge's feedback on the plan, if there is one, so that the order is read only
-    once.
+    `selection` is the part of the picture from which the plan was made; None means all of it.
+    `feedback` is the judge's feedback on the plan, from which its reading of the order is reused.
     """
 
     task: Mission
@@ -242,7 +242,7 @@ class OutcomeCase:
 def ask_about_outcome(
     prompt_format: PromptFormat, world: World, case: OutcomeCase
 ) -> JudgeQuestion:
-    """Return the question whether the task was accomplished (step 9)."""
+    """Return the question to the judge whether the task was accomplished (step 9)."""
     digest = digest_picture(case.picture, world, case.selection)
     prompt = prompt_format.outcome(world, digest, case.task, case.plan, case.verification)
     if prompt_format.outcome_opening is None:
@@ -261,7 +261,7 @@ def ask_about_outcome(
 
 @dataclass(frozen=True)
 class _Verification:
-    """The executed plan `attempt` of the mission of `context`, for a verdict on its outcome."""
+    """An executed plan that awaits a verdict; `attempt` is its number in the mission."""
 
     context: MissionContext
     attempt: int
@@ -269,17 +269,16 @@ class _Verification:
 
 
 class OutcomeVerdicts:
-    """The outstanding verdicts of a session, requested one by one, the oldest first.
+    """The outstanding verdicts on outcomes in a session, requested one by one, oldest first.
 
-    A prompt of a mission interrupts the request in progress, which is then repeated later.
+    If a mission needs the model, the request in progress is interrupted and repeated later.
     """
 
     def __init__(self, start: Start, *, between_missions: bool) -> None:
-        """Request verdicts by coroutines that `start` runs.
+        """Request verdicts in coroutines that `start` runs.
 
-        With `between_missions`, verdicts are requested only between missions. This is for runs in
-        which the simulation waits for the model, so that verdicts do not add to the time of a
-        mission.
+        With `between_missions`, verdicts are requested only between missions. In runs in which the
+        simulation waits for the model, verdicts then do not add to the time of a mission.
         """
         self._start, self._between_missions = start, between_missions
         self._waiting: deque[_Verification] = deque()
@@ -289,19 +288,19 @@ class OutcomeVerdicts:
         self.all_settled.set()
 
     def ask(self, context: MissionContext, attempt: int, case: OutcomeCase) -> None:
-        """Queue the question to the judge whether the executed plan `attempt` succeeded."""
+        """Queue a request for a verdict on the outcome of the executed plan `attempt`."""
         self._waiting.append(_Verification(context, attempt, case))
         self.all_settled.clear()
 
     def go_on(self) -> None:
-        """Begin to request outstanding verdicts, as the mission does not need the model now."""
+        """Begin to request outstanding verdicts while the mission does not need the model."""
         if self._waiting and not self._between_missions and not self._turn.locked():
             self._start(self.work())
 
     async def work(self) -> bool:
         """Request every outstanding verdict; return False if a mission needed the model meanwhile.
 
-        The remaining verdicts then wait for the next call.
+        In that case, the remaining verdicts wait for the next call.
         """
         async with self._turn:
             while self._waiting:
@@ -313,19 +312,19 @@ class OutcomeVerdicts:
             return True
 
     def give_up(self, reason: str) -> None:
-        """Emit the reason why there is no verdict, for each outstanding one."""
+        """Emit, for each outstanding verdict, an event with the `reason` why it was not given."""
         while self._waiting:
             self._tell(unjudged(self._waiting[0].attempt, reason))
 
     def _tell(self, verdict: ev.OutcomeJudged) -> None:
-        """Emit the oldest outstanding verdict and remove it from the queue."""
+        """Emit `verdict`, which answers the oldest request, and remove that request."""
         self._waiting.popleft().context.emit(verdict)
         if not self._waiting:
             self.all_settled.set()
 
 
 async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:
-    """Return the requested verdict, or the reason why there is none."""
+    """Return the requested verdict, or the reason why there is no verdict."""
     services = outstanding.context.services
 
     async def ask(model: RoleModel) -> Judgement:
@@ -334,7 +333,7 @@ async def _verdict_on(outstanding: _Verification) -> ev.OutcomeJudged:
 
     try:
         judgement = await first_answer(services.judges, ask, outstanding.context.turn_to_own)
-    except Exception as error:  # a defect must not end the session
+    except Exception as error:  # a bug must not end the session
         return unjudged(outstanding.attempt, f"internal error: {type(error).__name__}: {error}")
     return ev.OutcomeJudged(
         attempt=outstanding.attempt,

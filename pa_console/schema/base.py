@@ -9,7 +9,7 @@ Point = tuple[float, float]
 """A position in metres, (x east, y north)."""
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
-"""An identifier: an asset, a frame, a lane or a zone."""
+"""An identifier, such as that of an asset, a frame, a lane or a zone."""
 
 Hex32 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 """32 bytes in hexadecimal: a SHA-256 or a public key."""
@@ -35,9 +35,9 @@ class StrictModel(BaseModel):
 
     @classmethod
     def of_valid(cls, values: dict[str, Any]) -> Self:
-        """Return a model that holds `values` itself: all fields, valid and in order.
+        """Return a model that holds the dictionary `values`: all fields, valid and in order.
 
-        Nothing is checked, so it takes a quarter of the time of `model_construct`.
+        Nothing is checked, so this takes a quarter of the time of `model_construct`.
         """
         made = cls.__new__(cls)
         put = object.__setattr__
@@ -50,22 +50,22 @@ class StrictModel(BaseModel):
 
 @cache
 def _field_names(model: type[BaseModel]) -> set[str]:
-    """Return the names of all fields; immutable models can share the set, copies get their own."""
+    """Return the names of all fields, as a set that all instances of the immutable model share."""
     return set(model.__pydantic_fields__)
 
 
 Role = Literal["planner", "judge", "outcome"]
-"""The roles of the model: planner, judge of a plan, judge of an outcome."""
+"""The roles of a model: planner, judge of a plan, judge of an outcome."""
 
 ServerUse = Literal["planner", "judge", "second reader"]
-"""The uses of a model on a server."""
+"""The purposes for which a model on a server is used."""
 
 
 class Payload(StrictModel):
-    """The base of all event payloads; transient ones are not part of a recorded session.
+    """The base of all event payloads; transient payloads are not part of a recorded session.
 
-    A `binding` payload is one that a person answers for: a decision, or a command to a device. The
-    log is signed right after it.
+    A `binding` payload is one for which a person is responsible: a decision, or a command to a
+    device. The log is signed right after it.
     """
 
     transient: ClassVar[bool] = False

@@ -19,19 +19,19 @@ _ROBOT: frozenset[AssetKind] = frozenset(("robot",))
 
 
 class CommandSpec(NamedTuple):
-    """The properties of a command for rules, simulator, bus, prompt and screen."""
+    """The properties of a command that rules, simulator, bus, prompts and screen use."""
 
     kinds: frozenset[AssetKind]
     """The kinds of assets that may carry out the command."""
     takes_frame: bool
     task: Task | None
-    """The task of an asset that carries out the command at its place; None keeps its task."""
+    """The task of an asset while it carries out the command; None leaves its task unchanged."""
     moves: bool = True
     """True if the command may take the asset to another place."""
     contact: Literal["", "watches", "addresses", "obstructs"] = ""
-    """The kind of contact with a track at the frame, or ''."""
+    """The kind of encounter with a track at the frame; '' for none."""
     plainly: str = ""
-    """The verb in a plan for the asset's activity at its place; '' if it only moves or stays."""
+    """The verb for the asset's activity at its place; '' if the asset only moves or stays."""
 
 
 COMMANDS: Mapping[Verb, CommandSpec] = MappingProxyType(
@@ -55,11 +55,11 @@ ENCOUNTERS: tuple[Verb, ...] = tuple(verb for verb, spec in COMMANDS.items() if 
 ADDRESSING: frozenset[Verb] = frozenset(
     verb for verb in ENCOUNTERS if COMMANDS[verb].contact == "addresses"
 )
-"""The commands that need a contact to be there, and that take time with it."""
+"""The commands that need a contact at the frame and spend time with it."""
 ATTENDING: frozenset[Verb] = frozenset(
     verb for verb in ENCOUNTERS if COMMANDS[verb].contact != "watches"
 )
-"""The commands for which an asset stands in front of a contact."""
+"""The commands during which an asset stands in front of a contact."""
 ATTENDING_TASKS: frozenset[Task] = frozenset(
     task for verb in ATTENDING if (task := COMMANDS[verb].task)
 )

@@ -1,10 +1,10 @@
-"""Strict parsing of YAML documents into schema models; errors give file, line, field and remedy.
+"""Strict parsing of YAML documents into schema models, with errors that name place and remedy.
 
-A file of a few hundred bytes can expand to gigabytes: an alias repeats everything under its anchor,
-and anchors may contain aliases. So nodes and text are counted from the parser's events as they will
-be read, with every alias counted at each use.
+A file of a few hundred bytes can expand to gigabytes, because an alias repeats everything under its
+anchor, and anchors may contain aliases. Nodes and text are therefore counted from the parser's
+events, and an alias is counted at every use.
 
-All files that the program itself did not write are read here: rules and their signatures, worlds,
+All files that the program did not write itself are read here: rules and their signatures, worlds,
 scenarios, mission sets, settings, `--event`. The cost of reading them is limited.
 """
 
@@ -37,24 +37,24 @@ from pa_console.schema.text import obeyed, visible_line
 MOST_BYTES = 1_000_000
 """The size limit of a document's file, in bytes of UTF-8."""
 MOST_NODES = 30_000
-"""The limit on values and keys, counted again for each alias; normal files have a tenth of it."""
+"""The limit on values and keys, counted again for each alias; usual files have a tenth as many."""
 MOST_TEXT = 2_000_000
-"""The limit on characters of text, counted in the same way."""
+"""The limit on characters of text, counted again for each alias."""
 MOST_DEPTH = 40
-"""The limit on nested lists and mappings."""
+"""The limit on the depth of nested lists and mappings."""
 MOST_KEY = 200
 """The limit on the characters of a key."""
-TOO_LONG = f"longer than {MOST_BYTES:,} bytes; no such file needs to be, so split it up"
+TOO_LONG = f"longer than {MOST_BYTES:,} bytes; split it into several files"
 
 _NAMED_FIELD = re.compile(r"^Value error, (\w+(?:\.\w+)*): (.*)$", re.DOTALL)
-"""The form in which a model's own validator names a field."""
+"""The form of an error in which a model's own validator names a field."""
 _PLAIN_PROBLEMS = {
     "model_type": "fields are expected here, each as 'name: value'",
     "dict_type": "fields are expected here, each as 'name: value'",
-    "list_type": "a list is expected here, '- ' before each entry",
-    "extra_forbidden": "there is no such field; take it out, or mend its name",
+    "list_type": "a list is expected here, with '- ' before each entry",
+    "extra_forbidden": "there is no such field; remove it, or correct its name",
 }
-"""Plainer words for pydantic's problems, by the type of the error."""
+"""Plainer words for pydantic's errors, by the type of the error."""
 _TAG = "tag:yaml.org,2002:"
 _LONGEST_NUMBER = 64
 _LONGEST_FIELD = 200
@@ -64,7 +64,7 @@ _SCALARS = SafeConstructor()
 
 
 class TreeError(Exception):
-    """A text that cannot be parsed as a tree; line and column are from 1, or 0 if unknown."""
+    """An error in a text that cannot be parsed; line and column count from 1, 0 if unknown."""
 
     def __init__(self, problem: str, line: int = 0, column: int = 0) -> None:
         super().__init__(problem)
@@ -72,10 +72,11 @@ class TreeError(Exception):
 
 
 def compose(text: str) -> yaml.Node | None:
-    """Return the root of the one document in `text`, or None if it is empty.
+    """Return the root of the one document in `text`, or None if the text is empty.
 
-    Every key of the tree is a plain scalar, and no node has an explicit tag. An alias is the node
-    of its anchor. Raises TreeError for text that is not YAML, too large, or not literal.
+    Every key of the tree is a plain scalar, no node has an explicit tag, and an alias is the same
+    node as its anchor. Raises TreeError if the text is not YAML or too large, or if it has tags or
+    merged fields.
     """
     try:
         _measure(text)
@@ -86,7 +87,7 @@ def compose(text: str) -> yaml.Node | None:
         last = text.count("\n") + 1  # the parser reports the end of the text as an extra line
         place = (min(mark.line + 1, last), mark.column + 1) if mark is not None else ()
         if mark is not None and text[mark.index : mark.index + 1] == "\t":
-            words = "a tab stands where the line is indented; put spaces"
+            words = "the line is indented with a tab; use spaces"
         raise TreeError(f"not valid YAML: {words}", *place) from error
     except (yaml.YAMLError, ValueError) as error:
         raise TreeError(f"not valid YAML: {error}") from error
@@ -94,14 +95,14 @@ def compose(text: str) -> yaml.Node | None:
 
 @dataclass
 class _Size:
-    """The size of a node with all its aliases expanded; `height` includes its own level."""
+    """The size of a node with all its aliases expanded; `height` counts its levels."""
 
     nodes: int = 1
     text: int = 0
     height: int = 1
 
     def add(self, inner: "_Size") -> None:
-        """Add a node that is directly within this one."""
+        """Add the size of a node directly within this one."""
         self.nodes += inner.nodes
         self.text += inner.text
         self.height = max(self.height, inner.height + 1)
@@ -127,7 +128,7 @@ def _measure(text: str) -> None:
 
 
 class _EventCount:
-    """Counts the events of a document."""
+    """A count of a document's nodes and text, from the events of its parser."""
 
     def __init__(self) -> None:
         self._open: list[_OpenCollection] = []
@@ -153,7 +154,9 @@ class _EventCount:
             case DocumentStartEvent():
                 self._documents += 1
                 if self._documents > 1:
-                    raise _refused(event, "a second document begins; a file holds one")
+                    raise _refused(
+                        event, "a second document begins here, but a file may have only one"
+                    )
             case _:
                 pass
 
@@ -162,14 +165,14 @@ class _EventCount:
         return bool(self._open) and self._open[-1].mapping and self._open[-1].children % 2 == 0
 
     def _literal(self, event: NodeEvent, tag: str | None) -> None:
-        """Refuse a tag, because it changes the meaning of a value."""
+        """Refuse an explicit tag, because it changes the meaning of a value."""
         if tag is not None:
-            raise _refused(event, f"the tag {tag[:40]!r} is not read; write the value alone")
+            raise _refused(event, f"the tag {tag[:40]!r} is not allowed; write only the value")
 
     def _begin(self, event: CollectionStartEvent) -> None:
         """Open a list or a mapping."""
         if self._is_key():
-            raise _refused(event, "a key is a list or a mapping; only text can be a key")
+            raise _refused(event, "a list or a mapping cannot be a key; use text")
         self._within(event, 1, 0, 1)
         if event.anchor is not None:
             self._anchors[event.anchor] = None
@@ -180,13 +183,13 @@ class _EventCount:
     def _anchored(self, event: AliasEvent) -> _Size:
         """Return the size of an alias's anchor."""
         if self._is_key():
-            raise _refused(event, "an alias is a key; write the key itself")
+            raise _refused(event, "an alias cannot be a key; write the key itself")
         anchor = cast(str, event.anchor)
         if anchor not in self._anchors:
             raise _refused(event, f"no '&{anchor[:40]}' comes before '*{anchor[:40]}'")
         size = self._anchors[anchor]
         if size is None:
-            raise _refused(event, f"'*{anchor[:40]}' stands within itself")
+            raise _refused(event, f"'*{anchor[:40]}' is within its own anchor")
         return size
 
     def _add(self, event: NodeEvent, size: _Size, anchor: str | None) -> None:
@@ -198,13 +201,15 @@ class _EventCount:
         """Add to the totals; raises TreeError if one of them exceeds its limit."""
         self._nodes += nodes
         self._text += text
-        counted = "each alias counted as often as it is used; split it up"
+        counted = "each alias counted at every use; split it up"
         if self._nodes > MOST_NODES:
-            raise _refused(event, f"it comes to more than {MOST_NODES:,} values, {counted}")
+            raise _refused(event, f"the file has more than {MOST_NODES:,} values, {counted}")
         if self._text > MOST_TEXT:
-            raise _refused(event, f"it comes to more than {MOST_TEXT:,} characters, {counted}")
+            raise _refused(event, f"the file has more than {MOST_TEXT:,} characters, {counted}")
         if len(self._open) + levels > MOST_DEPTH:
-            raise _refused(event, f"nested deeper than {MOST_DEPTH} levels; flatten it")
+            raise _refused(
+                event, f"values are nested more than {MOST_DEPTH} levels deep; use fewer levels"
+            )
 
     def _close(self, size: _Size, anchor: str | None) -> None:
         """Add a complete node to the node that contains it."""
@@ -216,9 +221,9 @@ class _EventCount:
 
 
 def _check_key(event: ScalarEvent) -> None:
-    """Refuse a key that is not literal."""
+    """Refuse a key that merges fields or is too long."""
     if event.value == "<<" and not event.style:
-        raise _refused(event, "'<<' merges fields unseen; write the fields themselves")
+        raise _refused(event, "'<<' merges other fields; write the fields themselves")
     if len(event.value) > MOST_KEY:
         raise _refused(event, f"a key is longer than {MOST_KEY} characters")
 
@@ -234,10 +239,10 @@ Value = str | int | float | bool | list["Value"] | dict[str | int, "Value"] | No
 
 
 class DocumentError(Exception):
-    """A file that cannot be used; the message is for the person who wrote the file.
+    """An error in a file that cannot be used, in words for the person who wrote the file.
 
-    `source` is the file, `line` the 1-based line (0 if unknown), `field` the dotted path, and
-    `column` the 1-based column (0 if unknown).
+    `source` is the file and `field` the dotted path of the field. `line` and `column` count from 1;
+    0 if unknown.
     """
 
     def __init__(self, source: str, line: int, field: str, problem: str, column: int = 0) -> None:
@@ -249,14 +254,14 @@ class DocumentError(Exception):
 
 
 class Document:
-    """A parsed YAML file that has the line of each field.
+    """A parsed YAML file that also has the line of each field.
 
-    `root` is the tree from which the value is built, or None for an empty file; `sha256` is the
-    hash of the content.
+    `value` is built from the tree `root`; both are None for an empty file. `sha256` is the hash of
+    the content.
     """
 
     def __init__(self, source: str, text: str) -> None:
-        """Parse `text`; raises DocumentError for invalid, too large or non-literal YAML."""
+        """Parse `text`; raises DocumentError if `compose` refuses it or a value is not allowed."""
         self.source = source
         self.sha256 = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
         try:
@@ -269,7 +274,7 @@ class Document:
 
     @classmethod
     def read(cls, path: Path) -> "Document":
-        """Read the file at `path`; raises DocumentError if it is missing or not UTF-8."""
+        """Read the file at `path`; raises DocumentError if it cannot be read or parsed."""
         return cls(str(path), read_text(path))
 
     def line(self, field: FieldPath) -> int:
@@ -288,7 +293,7 @@ class Document:
             return model.model_validate_json(json.dumps(self.value, ensure_ascii=False))
         except ValidationError as error:
             if self.value is None:
-                raise self.error((), "it is empty") from error
+                raise self.error((), "the file is empty") from error
             first = error.errors(include_url=False, include_context=False, include_input=False)[0]
             field = self._written(first["loc"])
             problem = _PLAIN_PROBLEMS.get(first["type"], first["msg"])
@@ -300,7 +305,7 @@ class Document:
             raise self.error(field, problem) from error
 
     def _written(self, field: FieldPath) -> FieldPath:
-        """Return `field` as written in the file, without the tags of unions that pydantic adds."""
+        """Return the path of `field` in the file, without the union tags that pydantic adds."""
         kept: FieldPath = ()
         for number, part in enumerate(field, start=1):
             if (*kept, part) in self._lines or number == len(field):
@@ -308,7 +313,7 @@ class Document:
         return kept
 
     def _built(self, node: yaml.Node, field: FieldPath) -> Value:
-        """Return the value of `node` and record its line; each use of an alias is built again."""
+        """Return the value of `node` and record its line; an alias is built anew at each use."""
         self._lines.setdefault(field, node.start_mark.line + 1)
         if isinstance(node, yaml.SequenceNode):
             return [self._built(child, (*field, place)) for place, child in enumerate(node.value)]
@@ -325,7 +330,7 @@ class Document:
         return self._scalar(cast(yaml.ScalarNode, node), field)
 
     def _key(self, node: yaml.ScalarNode, field: FieldPath) -> str | int:
-        """Return the key `node` of the mapping `field`: text, or a whole number."""
+        """Return the value of `node`, a key of the mapping `field`: text or a whole number."""
         name = self._scalar(node, (*field, node.value))
         if isinstance(name, bool) or not isinstance(name, str | int):
             problem = f"this key is read as {name!r}, not as text; put it in quotes"
@@ -338,7 +343,7 @@ class Document:
         match node.tag.removeprefix(_TAG):
             case "str":
                 if (character := obeyed(written)) != "":
-                    problem = f"holds {character}, which a terminal obeys; take it out"
+                    problem = f"contains {character}, which controls a terminal; remove it"
                     raise self._wrong(node, field, problem)
                 return written
             case "null":
@@ -356,7 +361,7 @@ class Document:
                 except (ValueError, OverflowError) as error:
                     raise self._wrong(node, field, f"not a number: {error}") from error
             case "int" | "float":
-                problem = f"a number has at most {_LONGEST_NUMBER} digits; put text in quotes"
+                problem = f"a number may have at most {_LONGEST_NUMBER} digits; put text in quotes"
                 raise self._wrong(node, field, problem)
             case kind:
                 problem = f"this is read as a {kind}, not as text; put it in quotes"
@@ -370,18 +375,20 @@ class Document:
 def read_text(path: Path) -> str:
     """Return the text of the file at `path` with its line ends unchanged.
 
-    Raises DocumentError if it is missing, not a plain file, too long or not UTF-8. Not more than
-    MOST_BYTES is read.
+    Raises DocumentError if the file is missing, not a regular file, longer than MOST_BYTES, or not
+    UTF-8.
     """
     return read_bytes(path).decode()
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of the file at `path`, which is UTF-8; raises DocumentError too."""
+    """Return the content of the file at `path`, which is UTF-8; raises errors like `read_text`."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise DocumentError(str(path), 0, "", "not a plain file; give the path of one")
+                raise DocumentError(
+                    str(path), 0, "", "not a regular file; give the path of a regular file"
+                )
             content = file.read(MOST_BYTES + 1)
         content.decode()
     except OSError as error:
@@ -395,5 +402,5 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _short(text: str, most: int) -> str:
-    """Return `text` as one readable line, cut off if it is too long."""
+    """Return `text` as one printable line, cut off after `most` characters."""
     return visible_line(text if len(text) <= most else text[:most] + " ...")

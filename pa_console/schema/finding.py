@@ -1,4 +1,4 @@
-"""The findings of the safeguards and of the judge on a plan (paper, Section IV-F)."""
+"""The findings of software and of the judge on a plan (paper, Section IV-F)."""
 
 from typing import Literal
 
@@ -13,7 +13,7 @@ JudgeOpinion = Literal["complies", "violates", "unclear"]
 
 
 class Finding(StrictModel):
-    """The deterministic result for one rule; `error` (the check failed to run) counts as broken."""
+    """The result of one rule's check; a rule with the status `error` counts as broken."""
 
     rule_id: str
     priority: Priority
@@ -22,12 +22,12 @@ class Finding(StrictModel):
 
     @property
     def broken(self) -> bool:
-        """True unless the rule demonstrably holds."""
+        """True if the rule is violated or its check failed with an error."""
         return self.status in ("violates", "error")
 
     @property
     def blocking(self) -> bool:
-        """True if the finding makes the plan impossible to approve."""
+        """True if the plan cannot be approved because of this finding."""
         return self.broken and self.priority in ("critical", "high")
 
 
@@ -52,20 +52,23 @@ class Usage(StrictModel):
     prompt_tokens: int = 0
     cached_tokens: int = Field(default=0, description="prompt tokens found in the KV cache")
     completion_tokens: int = 0
-    sampled_tokens: int = Field(default=0, description="the rest was forced by the grammar")
+    sampled_tokens: int = Field(
+        default=0, description="completion tokens that the grammar did not force"
+    )
     guessed_tokens: int = Field(
-        default=0, description="sampled tokens that were guessed correctly and cost no step"
+        default=0,
+        description="sampled tokens that were guessed correctly and took no step",
     )
     first_token_s: float = 0.0
     seconds: float = 0.0
     ahead_s: float = Field(
         default=0.0,
         exclude_if=lambda seconds: not seconds,
-        description="the part of `seconds` before the order was sent, during live reading",
+        description="the part of `seconds` that live reading took before the order was sent",
     )
 
     def going_on(self, whole: "Usage") -> "Usage":
-        """Return the cost of an answer that began with this part and was continued as `whole`."""
+        """Return the cost of an answer that was begun at this cost and continued at `whole`."""
         return Usage(
             prompt_tokens=self.prompt_tokens,
             cached_tokens=self.cached_tokens,

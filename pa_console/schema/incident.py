@@ -1,4 +1,4 @@
-"""External events at the checkpoint: single incidents, and the scripts of scenarios."""
+"""External events at the checkpoint: incidents, and scenarios, which are scripts of incidents."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -11,7 +11,7 @@ from pa_console.schema.telemetry import CommsStatus, Identity, Intent, Weather
 from pa_console.schema.world import World
 
 Reaction = Literal["leave", "stop", "go_on"]
-"""A contact's reaction to a warning."""
+"""A contact's possible reactions to a warning."""
 
 
 class SpawnTrack(StrictModel):
@@ -23,15 +23,19 @@ class SpawnTrack(StrictModel):
     identity: Identity = Field(default="unauthorized", description="the result of `identify`")
     intent: Intent = Field(default="benign", description="its true intent")
     speed_mps: Positive = 5.0
-    distance_m: Positive | None = Field(default=None, description="start this far from the gate")
+    distance_m: Positive | None = Field(
+        default=None, description="distance from the gate at the start"
+    )
     when_warned: Reaction = "leave"
-    noncombatants: bool = Field(default=False, description="families, medics, passers-by")
+    noncombatants: bool = Field(
+        default=False, description="true if there are families, medics or passers-by"
+    )
     emergency: bool = Field(
         default=False,
         exclude_if=lambda marked: not marked,
-        description="an ambulance, a fire engine, the police",
+        description="true for an ambulance, a fire engine, or the police",
     )
-    name: Name | None = Field(default=None, description="a scenario's handle for it")
+    name: Name | None = Field(default=None, description="the name by which a scenario refers to it")
 
 
 class FailAsset(StrictModel):
@@ -49,7 +53,7 @@ class RestoreAsset(StrictModel):
 
 
 class SetBattery(StrictModel):
-    """The asset's battery has `percent` from now on."""
+    """The charge of the asset's battery is set to `percent`."""
 
     kind: Literal["battery"] = "battery"
     asset: Name
@@ -73,7 +77,7 @@ class DegradeAsset(StrictModel):
 
 
 class SetRadio(StrictModel):
-    """The link of one asset, or of all, gets these values; `up` False is an outage."""
+    """The link of one asset, or of every asset, gets these values; if not `up`, it is down."""
 
     kind: Literal["radio"] = "radio"
     asset: Name | None = Field(default=None, description="None means every asset")
@@ -84,7 +88,7 @@ class SetRadio(StrictModel):
 
 
 class JamArea(StrictModel):
-    """Every link within `radius_m` of `at` is jammed, for `seconds` or permanently."""
+    """Every link within `radius_m` of `at` is jammed, for `seconds` if given, else permanently."""
 
     kind: Literal["jam"] = "jam"
     at: Point
@@ -93,7 +97,7 @@ class JamArea(StrictModel):
 
 
 class SensorFault(StrictModel):
-    """The sensor of an asset, or a gate camera, stops working, or works again."""
+    """The sensor of an asset, or the camera of a gate, stops working or works again."""
 
     kind: Literal["sensor"] = "sensor"
     sensor: Name = Field(description="an asset or a camera")
@@ -110,7 +114,7 @@ class GpsDrift(StrictModel):
 
 
 class SpoofTelemetry(StrictModel):
-    """Forged reports place the asset, without faults, at `frame`; None ends the forgery."""
+    """Forged reports show the asset at `frame` and without faults; None ends the forgery."""
 
     kind: Literal["spoof"] = "spoof"
     asset: Name
@@ -118,9 +122,9 @@ class SpoofTelemetry(StrictModel):
 
 
 class DriveByHand(StrictModel):
-    """A person takes manual control of the asset, and drives it to `frame` if one is given.
+    """A person takes manual control of the asset, and drives it to `frame` if that is given.
 
-    With `ends`, manual control ends: the asset stays where it is, and accepts commands again.
+    With `ends`, manual control ends: the asset stays where it is and accepts commands again.
     """
 
     kind: Literal["manual_control"] = "manual_control"
@@ -137,7 +141,7 @@ class SetWeather(StrictModel):
 
 
 class ObstructWay(StrictModel):
-    """An obstruction lies on the ground from `start` to `end`: no ground asset can pass."""
+    """An obstruction lies on the ground from `start` to `end`, which no ground asset can pass."""
 
     kind: Literal["obstruct"] = "obstruct"
     start: Point
@@ -153,7 +157,7 @@ class FalseContact(StrictModel):
 
 
 class RevealTrack(StrictModel):
-    """The true properties of a contact that the script named change."""
+    """The true properties of a contact change; `track` is the name that the script gave it."""
 
     kind: Literal["turn"] = "turn"
     track: Name
@@ -177,7 +181,7 @@ class PlaceAsset(StrictModel):
 
 
 class ClearTracks(StrictModel):
-    """Every track at `gate` is gone."""
+    """Every track at `gate` disappears."""
 
     kind: Literal["clear"] = "clear"
     gate: Name
@@ -192,10 +196,10 @@ Incident = Annotated[
 
 
 def unknown_name(given: StrictModel, world: World) -> tuple[str, str]:
-    """Return the field of `given` with a name that `world` lacks, and a remedy; ('', '') if none.
+    """Return the field of `given` with a name that `world` lacks, and the problem.
 
-    `given` is an incident, or a condition of a script. A script's own handles of tracks are not
-    names of the world.
+    Returns two empty strings if there is no such field. `given` is an incident or a condition of a
+    script. The names that a script gives to tracks are not checked.
     """
     for field in ("asset", "gate", "frame", "sensor"):
         value = getattr(given, field, None)
@@ -220,14 +224,14 @@ AssetReach = Literal["moving", "arrived", "low_battery", "failed", "charging", "
 
 
 class TrackIs(StrictModel):
-    """True once the contact that the script named has reached a state."""
+    """A condition: a contact to which the script gave a name has reached a state."""
 
-    track: Name = Field(description="the `name` given when it was spawned")
+    track: Name = Field(description="the `name` that the `spawn` gave it")
     state: TrackReach
 
 
 class AssetIs(StrictModel):
-    """True once an asset is in a state, at a frame if one is given."""
+    """A condition: an asset is in a state, and at a frame if one is given."""
 
     asset: Name
     state: AssetReach
@@ -235,13 +239,13 @@ class AssetIs(StrictModel):
 
 
 class After(StrictModel):
-    """True once another scripted event has happened."""
+    """A condition: another scripted event has happened."""
 
     event: Name
 
 
 def _which(value: object) -> str | None:
-    """Distinguish the conditions by the field that only one of them has."""
+    """Return the tag of a condition, by the field that only this kind of condition has."""
     fields: Iterable[object] = (
         cast(dict[object, object], value)
         if isinstance(value, dict)
@@ -257,13 +261,13 @@ IncidentCondition = Annotated[
     Discriminator(
         _which,
         custom_error_type="condition",
-        custom_error_message="a condition names a track, an asset or an event",
+        custom_error_message="a condition must name a track, an asset or an event",
     ),
 ]
 
 
 class ScriptedEvent(StrictModel):
-    """An event that happens once: at a time, or `delay_s` after a condition first holds."""
+    """An event that happens once, at a time or `delay_s` after a condition first holds."""
 
     name: Name | None = None
     at_s: NonNegative | None = None
@@ -279,15 +283,15 @@ class ScriptedEvent(StrictModel):
 
 
 class RandomEvents(StrictModel):
-    """One of `do` happens at random: a Poisson process drawn from the simulation's seed."""
+    """Incidents at random times: a Poisson process, in which each event is one of `do`."""
 
-    mean_s: Positive = Field(description="mean time between two of them")
+    mean_s: Positive = Field(description="mean time between two events, in seconds")
     from_s: NonNegative = 0.0
     do: tuple[Incident, ...] = Field(min_length=1)
 
 
 class Scenario(StrictModel):
-    """A situation for one world; the console plays it, tests and benchmarks run it."""
+    """A situation for one world, for the console, tests and benchmarks."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$", max_length=64)
     title: str

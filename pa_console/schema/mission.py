@@ -11,37 +11,37 @@ from pa_console.schema.plan import Plan
 
 MAX_MISSION_TEXT = 2000
 STANDING = "standing instruction"
-"""The name in `by` of a decision that was given in advance, without seeing the plan."""
+"""The beginning of `by` in a decision that was given in advance, before the plan was known."""
 
 ELSEWHERE = "at another station"
-"""The suffix of the name of a person who signed at another station."""
+"""The words after the name of a person who signed at another station."""
 
 DecisionKind = Literal["approve", "reject", "modify", "choose", "answer"]
 ApprovalState = Literal[
     "approve",  # the order was understood, and all of it is planned
     "narrowed",  # the order was understood; the plan leaves out a part of it, with the reason
-    "warned",  # a Medium rule is broken, which the operator must acknowledge
-    "may_be_misunderstood",  # its words and its reading differ, or the models were unsure
-    "not_understood",  # no order, or an unreadable one: the console asks back and proposes nothing
+    "warned",  # a rule of Medium priority is broken, which the operator must acknowledge
+    "may_be_misunderstood",  # the order's words and its reading differ, or the models were unsure
+    "not_understood",  # the text is no clear order: the console asks and proposes no plan
     "judge_objects",  # the judge's verdict is Failure: an override needs a reason
-    "blocked",  # it cannot be approved
+    "blocked",  # the plan cannot be approved
 ]
-"""The state of a plan for the operator who decides on it: the most severe one that applies."""
+"""The state of a plan for the operator who decides on it; the most severe state applies."""
 MissionStatus = Literal[
     "verified", "unverified", "refused", "rejected", "held", "cancelled", "failed"
 ]
 Outcome = Literal["pass", "fail", "unknown"]
 MissionSource = Literal["operator", "alarm", "standing", "agent"]
-"""The source of a mission: a person, an alarm, a standing order, or an agent over MCP."""
+"""The source of a mission: an operator, an alarm, a standing order, or an agent over MCP."""
 
 MOST_STARTS = 6
-"""The default limit on missions that a standing order starts in an hour."""
+"""The default limit on the missions that a standing order starts per hour."""
 
 SUBJECT, PLACE = "{it}", "{place}"
-"""The placeholders in an order for its subject, and for the subject's gate."""
+"""The placeholders in an order for its subject and for the subject's gate."""
 
 DAY_S = 86400.0
-"""The seconds of a day."""
+"""The number of seconds in a day."""
 
 
 class Mission(StrictModel):
@@ -49,7 +49,7 @@ class Mission(StrictModel):
 
     id: str
     text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT)
-    typed: str = Field(default="", description="the typed text, if words of it were misspelled")
+    typed: str = Field(default="", description="the typed text, if it differs from `text`")
     source: MissionSource = "operator"
     created: datetime
     alarm: str = Field(default="", description="id of the alarm that it answers")
@@ -71,19 +71,21 @@ class Mission(StrictModel):
     offered: bool = Field(
         default=False,
         exclude_if=lambda offered: not offered,
-        description="the world's own standing order, which was not typed: all others go first",
+        description="true for the world's own standing order, before which all other missions go",
     )
     follows: str = Field(
         default="",
         exclude_if=lambda words: not words,
         description="the previous order's commands, if the words refer to it",
     )
-    subject: Name | None = Field(default=None, description="track, asset or gate it is about")
-    gate: Name | None = Field(default=None, description="the gate concerned, if one is")
+    subject: Name | None = Field(
+        default=None, description="the track, asset or gate that it is about"
+    )
+    gate: Name | None = Field(default=None, description="the gate that it concerns, if any")
 
     @property
     def said(self) -> str:
-        """The mission as the operator typed it; `text` is the text that is read."""
+        """The mission's words as the operator typed them; `text` is the text that is planned."""
         return self.typed or self.text
 
     @property
@@ -105,12 +107,14 @@ class Decision(StrictModel):
 
     kind: DecisionKind
     request_id: str = Field(
-        default="", description="the request it answers; refused when another one waits"
+        default="", description="the request that it answers; refused if another request waits"
     )
     by: str = "operator"
     reason: str = ""
     override_judge: bool = False
-    acknowledged: tuple[str, ...] = Field(default=(), description="rule ids of warnings accepted")
+    acknowledged: tuple[str, ...] = Field(
+        default=(), description="ids of the broken rules that are acknowledged"
+    )
     plan: Plan | None = Field(default=None, description="the operator's own plan, for `modify`")
     asked: str = Field(
         default="",
@@ -119,12 +123,12 @@ class Decision(StrictModel):
     signatures: dict[str, str] = Field(
         default={},
         exclude_if=lambda signatures: not signatures,
-        description="the signed approvals by name of the person, if there are keys",
+        description="the signed approvals by the person's name, if there are keys",
     )
     standing_order: str = Field(
         default="",
         exclude_if=lambda name: not name,
-        description="id of the standing order that gave the decision without asking",
+        description="id of the standing order that made the decision",
     )
 
     @property
@@ -134,12 +138,12 @@ class Decision(StrictModel):
 
     @property
     def settles(self) -> bool:
-        """True if it ends the wait: it asks for neither another plan nor another reading."""
+        """True if the decision ends the wait, by an approval or a rejection."""
         return self.kind in ("approve", "reject")
 
 
 class ActionOutcome(StrictModel):
-    """The evidence of telemetry on one action: whether it happened."""
+    """The outcome of one action according to telemetry, with the reason."""
 
     agent: Name
     command: str
@@ -148,9 +152,9 @@ class ActionOutcome(StrictModel):
 
 
 class Verification(StrictModel):
-    """The evidence of telemetry on whether the plan happened and every gate stayed covered.
+    """The outcome of a plan according to telemetry: its actions, and the cover of every gate.
 
-    It is valid for `as_of_s`: every value that a pass depends on was sent at that time or later.
+    It is valid as of `as_of_s`: every value on which a pass depends was sent then or later.
     """
 
     outcome: Outcome
@@ -162,10 +166,10 @@ class Verification(StrictModel):
 
 
 class Metrics(StrictModel):
-    """Seconds per stage of one mission; execution is in simulated seconds, the rest in wall time.
+    """The seconds of each stage of one mission: simulated time for the execution, else wall time.
 
-    End to end is from the command to the mission's end. It does not include the judge's verdicts on
-    outcomes, which are made when the model is idle.
+    The end-to-end time is from the command to the mission's end. It does not include the judge's
+    verdicts on outcomes, which are requested while the model is idle.
     """
 
     retrieval_s: NonNegative = 0.0
@@ -178,7 +182,7 @@ class Metrics(StrictModel):
     judging_s: NonNegative = 0.0
     readings_s: NonNegative = Field(
         default=0.0,
-        description="search for other readings of an unclear order, after the verdict",
+        description="the search for other readings of an unclear order",
     )
     decision_s: NonNegative = 0.0
     dispatch_s: NonNegative = 0.0
@@ -186,8 +190,10 @@ class Metrics(StrictModel):
     outcome_s: NonNegative = 0.0
     end_to_end_s: NonNegative = 0.0
     attempts: int = 0
-    plans: int = Field(default=0, description="plans executed; more than one in a workflow")
-    halts: int = Field(default=0, description="plans halted because a premise broke")
+    plans: int = Field(
+        default=0, description="number of executed plans, more than one in a workflow"
+    )
+    halts: int = Field(default=0, description="number of halted plans")
 
 
 AlarmKind = Literal[
@@ -198,21 +204,23 @@ AlarmKind = Literal[
 
 
 class Alarm(StrictModel):
-    """A situation that needs a response; it stays open until its cause is gone.
+    """A situation that needs a response; the alarm stays open until its cause is gone.
 
-    `command` is the mission that answers it, in plain language; empty if the operator only has to
-    see it.
+    `command` is the mission that answers the alarm, in plain language; empty if the operator only
+    has to see the alarm.
     """
 
     id: str
     kind: AlarmKind
     priority: AlarmPriority
-    subject: Name = Field(description="the track, asset, gate, camera or sensor it is about")
+    subject: Name = Field(description="the track, asset, gate, camera or sensor that it is about")
     gate: Name | None = None
     text: str
     command: str = ""
     raised_s: NonNegative
-    distance_m: NonNegative | None = Field(default=None, description="of a track to its gate")
+    distance_m: NonNegative | None = Field(
+        default=None, description="distance of the track from its gate"
+    )
 
 
 class QueueEntry(StrictModel):
@@ -226,41 +234,46 @@ class QueueEntry(StrictModel):
 
 
 SubjectKind = Literal["asset", "track", "gate"]
-"""The kinds of subjects that a standing order watches, one by one."""
+"""The kinds of subjects that a standing order can watch, each subject by itself."""
 
 
 class Schedule(StrictModel):
     """One moment of the station's clock, or a first moment and repetitions at an interval.
 
-    An interval of whole days follows the calendar: the hour stays the same in summer and winter.
+    An interval of whole days follows the calendar, so the hour is the same in summer and winter.
     """
 
     start: datetime = Field(description="the first moment")
-    at_once: bool = Field(default=False, description="the first moment is that of the approval")
-    every_s: NonNegative = Field(default=0.0, description="the interval, 0 for one moment")
-    until: datetime | None = Field(default=None, description="no moment is after it")
-    times: int = Field(default=0, ge=0, description="the number of moments, 0 for no limit")
-    stay_s: NonNegative = Field(
-        default=0.0, description="seconds in place after which the assets go back, 0: never"
+    at_once: bool = Field(
+        default=False, description="true if the first moment is that of the approval"
     )
-    leave: datetime | None = Field(default=None, description="when the assets go back")
+    every_s: NonNegative = Field(default=0.0, description="the interval, or 0 for one moment")
+    until: datetime | None = Field(
+        default=None, description="the time after which there is no moment"
+    )
+    times: int = Field(default=0, ge=0, description="the number of moments, or 0 for no limit")
+    stay_s: NonNegative = Field(
+        default=0.0, description="seconds in place after which the assets go back, or 0 for never"
+    )
+    leave: datetime | None = Field(default=None, description="the time at which the assets go back")
 
     to_base: bool = Field(
-        default=False, description="the assets go back to the base, not to their previous place"
+        default=False,
+        description="true if the assets go back to the base, not to their previous place",
     )
 
     @property
     def once(self) -> bool:
-        """True if it has only one moment and no stay."""
+        """True if there is only one moment, and the assets do not go back afterwards."""
         return not self.every_s and not self.stays
 
     @property
     def stays(self) -> bool:
-        """True if the assets that it sends return afterwards."""
+        """True if the assets go back to their places or to the base afterwards."""
         return self.stay_s > 0.0 or self.leave is not None
 
     def moment(self, number: int) -> datetime | None:
-        """Return the moment with this number, from 0; None if there is no such moment."""
+        """Return moment `number`, from 0; None if there is no such moment."""
         if number and (not self.every_s or (self.times and number >= self.times)):
             return None
         if self.every_s % DAY_S:
@@ -280,44 +293,50 @@ class Schedule(StrictModel):
 
 
 class Ban(StrictModel):
-    """A movement that no plan may contain: by these assets, to these places.
+    """Movements that no plan may contain: of these assets to these places.
 
-    Without assets it applies to every asset, without places to every movement.
+    Without `assets`, the ban applies to every asset; without `places`, to every place.
     """
 
     assets: tuple[Name, ...] = ()
     places: tuple[Name, ...] = ()
 
     def forbids(self, agent: str, goal: str | None) -> bool:
-        """Return whether `agent` may not be sent to `goal`; None is its present position."""
+        """Return whether `agent` may not be sent to `goal`; None means that it stays."""
         if goal is None or (self.assets and agent not in self.assets):
             return False
         return not self.places or goal in self.places
 
 
 class StandingOrder(StrictModel):
-    """A trigger, and the order of the missions that it starts; or a ban, which starts none.
+    """A trigger with the order of the missions that it starts, or a ban, which starts none.
 
     The trigger is a `condition` on the picture or a `schedule` of the station's clock. Each mission
-    is planned, checked and approved like any other. If the order is `unasked`, the standing order
-    itself may approve its missions, as far as the rules allow.
+    is planned, checked and approved like any other. If the standing order is `unasked`, it may
+    itself approve the plans of its missions as far as the rules allow.
     """
 
     id: str = Field(pattern=r"^S[0-9]+$")
-    text: str = Field(min_length=1, max_length=MAX_MISSION_TEXT, description="as it was given")
+    text: str = Field(
+        min_length=1, max_length=MAX_MISSION_TEXT, description="the standing order as it was given"
+    )
     each: SubjectKind | None = Field(
-        default=None, exclude_if=lambda each: each is None, description="None with a schedule"
+        default=None,
+        exclude_if=lambda each: each is None,
+        description="the kind of subject; None without a condition",
     )
     condition: str = Field(
         default="",
         exclude_if=lambda condition: not condition,
-        description="CEL over `it`, `id`, `now` and `world`; empty with a schedule",
+        description="CEL over `it`, `id`, `now` and `world`; empty without a condition",
     )
     schedule: Schedule | None = Field(default=None, exclude_if=lambda schedule: schedule is None)
     ban: Ban | None = Field(default=None, exclude_if=lambda ban: ban is None)
     words: str = Field(min_length=1, description="the trigger in plain words")
-    order: str = Field(min_length=1, description="with {it} and {place} for the subject")
-    unasked: bool = Field(default=False, description="it states that no approval is needed")
+    order: str = Field(
+        min_length=1, description="the order, with {it} for the subject and {place} for its gate"
+    )
+    unasked: bool = Field(default=False, description="true if it states that no approval is needed")
     most_an_hour: int = Field(default=MOST_STARTS, ge=1, le=60)
 
     @model_validator(mode="after")
@@ -326,22 +345,22 @@ class StandingOrder(StrictModel):
         triggers = of_state + (self.schedule is not None) + (self.ban is not None)
         if triggers != 1 or bool(self.condition) != of_state:
             raise ValueError(
-                "a standing order has one of a condition of something, a schedule and a ban"
+                "a standing order needs exactly one of condition (with each), schedule and ban"
             )
         return self
 
     @property
     def once(self) -> bool:
-        """True if it starts one mission and then ends."""
+        """True if the standing order starts one mission and then ends."""
         return self.schedule is not None and self.schedule.once
 
     def order_for(self, subject: str, place: str) -> str:
-        """Return the order for one subject at the gate `place`; '' for no gate."""
+        """Return the order for one subject at the gate `place`, which is '' without a gate."""
         return self.order.replace(SUBJECT, subject).replace(PLACE, place)
 
     @property
     def order_in_words(self) -> str:
-        """The order in plain words."""
+        """The order in plain words, with its subject and place described."""
         if self.each is None:
             return self.order
         target = {"asset": "that asset", "track": "that track", "gate": "that gate"}[self.each]
@@ -349,7 +368,7 @@ class StandingOrder(StrictModel):
 
 
 class StandingStart(StrictModel):
-    """The mission that a standing order starts for one subject, or '' for a moment of the clock."""
+    """A mission that a standing order starts; `subject` is '' for a moment of the clock."""
 
     subject: Name | Literal[""] = ""
     order: str

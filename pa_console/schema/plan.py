@@ -33,9 +33,9 @@ Numbers = Annotated[tuple[int, ...], BeforeValidator(_as_tuple)]
 
 
 class Action(StrictModel):
-    """One device command, e.g. agent `Drone_T01`, command `move_to EastGate`.
+    """One command for one agent, e.g. agent `Drone_T01`, command `move_to EastGate`.
 
-    It is sent once telemetry has verified every action in `after`.
+    The command is sent once telemetry has verified every action in `after`.
     """
 
     agent: Token = Field(min_length=1, max_length=64)
@@ -44,14 +44,14 @@ class Action(StrictModel):
         default=(),
         max_length=MAX_ACTIONS,
         exclude_if=lambda numbers: not numbers,
-        description="numbers of the actions, counted from 1, that must have been verified",
+        description="numbers, from 1, of the actions that must be verified before this one is sent",
     )
     stay_s: float = Field(
         default=0.0,
         ge=0.0,
         le=MAX_STAY_S,
         exclude_if=lambda seconds: not seconds,
-        description="seconds from its verification until later actions are sent",
+        description="seconds from its verification until actions after it are sent",
     )
 
     @field_validator("command")
@@ -73,16 +73,16 @@ class Action(StrictModel):
 
     @property
     def target(self) -> str | None:
-        """The frame in the command, or None for a command without one."""
+        """The frame in the command, or None for a command without a frame."""
         words = self.command.split()
         return words[1] if len(words) > 1 else None
 
 
 class Plan(StrictModel):
-    """A reason and the actions that it leads to.
+    """A reason and the actions to which it leads.
 
-    Actions start together, in list order, unless they come after others. Raises ValueError for
-    actions that wait for themselves or for an action that does not exist.
+    Actions are sent together, in list order, unless they come after others. Raises ValueError if
+    actions wait for themselves or for an action that does not exist.
     """
 
     reason: str = Field(max_length=MAX_REASON)
@@ -111,10 +111,10 @@ class Plan(StrictModel):
 
     @property
     def steps(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the actions that are sent together, step by step.
+        """The steps of the plan, each as the numbers of the actions that are sent together.
 
-        A step begins once all actions that its own actions come after are verified. If no action
-        waits, there is one step.
+        A step begins once the actions for which its actions wait are verified. If no action waits,
+        there is only one step.
         """
         if not any(action.after for action in self.actions):
             return (tuple(range(1, len(self.actions) + 1)),)
@@ -127,14 +127,14 @@ class Plan(StrictModel):
         return tuple(groups)
 
     def part(self, numbers: Iterable[int]) -> "Plan":
-        """Return a plan of only the actions with these numbers, which wait for nothing."""
+        """Return a plan of only the actions with these numbers, without their waits."""
         chosen = tuple(
             self.actions[number - 1].model_copy(update={"after": ()}) for number in numbers
         )
         return Plan(reason=self.reason, actions=chosen)
 
     def depends_on(self, numbers: Iterable[int]) -> frozenset[int]:
-        """Return the actions with these numbers, and all actions that come after one of them."""
+        """Return these numbers, and those of all actions that depend on one of these actions."""
         sources = set(numbers)
         for step in self.steps:
             sources.update(number for number in step if sources & {*self.actions[number - 1].after})
@@ -142,7 +142,7 @@ class Plan(StrictModel):
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """The addressed agents in order, repeated as in the plan."""
+        """The agents in the order of the actions, one for each action."""
         return tuple(action.agent for action in self.actions)
 
     @property

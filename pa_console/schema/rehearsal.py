@@ -1,4 +1,4 @@
-"""The results of a plan's run in a forked simulation (step 5): its moments and the whole."""
+"""The results of a plan's rehearsal in a forecast (step 5): single moments and the whole run."""
 
 from typing import Literal
 
@@ -12,7 +12,7 @@ from pa_console.schema.world import AssetKind
 
 
 class TrackMoment(StrictModel):
-    """The facts of a track that ordering rules use."""
+    """The facts about a track, at one moment, that ordering rules use."""
 
     gate: Name
     kind: Literal["vehicle", "person"] = "vehicle"
@@ -22,37 +22,43 @@ class TrackMoment(StrictModel):
     observed: bool
     warned: bool
     defiant: bool = False
-    noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
-    emergency: bool = Field(default=False, description="an emergency vehicle (ROE-13)")
+    noncombatants: bool = Field(
+        default=False, description="true if noncombatants are suspected (ROE-08)"
+    )
+    emergency: bool = Field(default=False, description="true for an emergency vehicle (ROE-13)")
     ground_contact: bool = Field(
-        default=False, description="a ground asset sent to it has it in sensor range"
+        default=False,
+        description="true if a ground asset that is sent to it has it in sensor range",
     )
     too_near: bool = Field(
-        default=False, description="a ground asset drives nearer to it within the standoff"
+        default=False, description="true if a ground asset within the standoff drives nearer to it"
     )
     crowded: bool = Field(
         default=False,
-        description="too near, by an asset without an order to identify or warn at its gate",
+        description="true if an asset without an order to identify or warn at its gate is too near",
     )
-    blocked: bool = Field(default=False, description="a UGV blocks its gate")
+    blocked: bool = Field(default=False, description="true if a UGV blocks its gate")
     block_ordered: bool = Field(
-        default=False, description="a UGV blocks its gate, or is on its way to do so"
+        default=False, description="true if a UGV blocks its gate or is on its way to do so"
     )
     shut_in: bool = Field(
         default=False,
-        description="it is inside, and a second gate or the last one is blocked or about to be",
+        description="true if it is inside, and a second gate or the last gate is blocked or about "
+        "to be blocked",
     )
     followed: int = Field(
         default=0,
         ge=0,
-        description="while an asset is on its way to it: how often assets were sent after it from "
-        "one gate to another",
+        description="how often assets were sent after it from one gate to another, while an asset "
+        "is on its way to it",
     )
-    other_threat: bool = Field(default=False, description="another track at its gate is hostile")
+    other_threat: bool = Field(
+        default=False, description="true if another track at its gate is hostile"
+    )
 
 
 class OrderMoment(StrictModel):
-    """A command that is being carried out, or that is done."""
+    """A command that an agent is carrying out, or has carried out."""
 
     agent: Name
     kind: AssetKind
@@ -62,17 +68,21 @@ class OrderMoment(StrictModel):
 
 
 class Moment(StrictModel):
-    """The state at `time_s` (simulated seconds); moments that differ only in time count as one."""
+    """The state at `time_s` in simulated seconds; moments that differ only in time are merged."""
 
     time_s: NonNegative
     tracks: dict[Name, TrackMoment] = {}
-    covered: dict[Name, bool] = Field(default={}, description="gate -> known to be covered")
-    up: dict[Name, bool] = Field(default={}, description="asset of the plan -> available")
+    covered: dict[Name, bool] = Field(
+        default={}, description="gate -> whether it is known to be covered"
+    )
+    up: dict[Name, bool] = Field(
+        default={}, description="asset of the plan -> whether it is available"
+    )
     orders: tuple[OrderMoment, ...] = ()
 
 
 class GateTimeline(StrictModel):
-    """Cover of one gate during the plan; `longest_gap_s` is the longest time without any."""
+    """The cover of one gate during the plan; `longest_gap_s` is its longest time without cover."""
 
     covered_before: bool
     covered_after: bool
@@ -80,25 +90,26 @@ class GateTimeline(StrictModel):
 
 
 class TrackTimeline(StrictModel):
-    """The first time of each event of a track, in seconds from the start; None means never."""
+    """The first time of each event of a track, in seconds from the start; None for never."""
 
     observed_s: NonNegative | None = None
     ground_contact_s: NonNegative | None = Field(
-        default=None, description="a ground asset sent by the plan came within its sensor range"
+        default=None,
+        description="a ground asset that the plan sent came within its own sensor range",
     )
     identified_s: NonNegative | None = None
     warned_s: NonNegative | None = None
     blocked_s: NonNegative | None = None
     least_distance_m: NonNegative | None = Field(
-        default=None, description="closest approach of a ground asset while unidentified"
+        default=None, description="closest approach of a ground asset before identification"
     )
 
 
 class AssetTimeline(StrictModel):
-    """The course of one addressed asset during the plan."""
+    """The course of one agent during the plan."""
 
-    finished: bool = Field(description="its command ended as done")
-    detail: str = Field(default="", description="why it did not finish")
+    finished: bool = Field(description="true if its command ended as done")
+    detail: str = Field(default="", description="why its command did not end as done")
     left_perimeter: bool = False
     entered_zones: tuple[Name, ...] = ()
     least_battery_pct: Percent = 100.0
@@ -106,7 +117,7 @@ class AssetTimeline(StrictModel):
 
 
 class Timeline(StrictModel):
-    """The rehearsed plan from its start to the end of its last command, or the horizon."""
+    """The rehearsed plan from its start to the end of its last command, or to the time limit."""
 
     duration_s: NonNegative
     gates: dict[Name, GateTimeline]
@@ -115,38 +126,38 @@ class Timeline(StrictModel):
 
 
 TimedPoint = tuple[NonNegative, float, float]
-"""Seconds from the start of the plan, then metres east and metres north."""
+"""The seconds from the start of the plan, and a position in metres east and north."""
 
 GuardChange = tuple[NonNegative, tuple[Name, ...]]
-"""Seconds from the start of the plan, and the assets that cover a gate from then on."""
+"""The seconds from the start of the plan, and the assets that cover a gate from then on."""
 
 
 class Motion(StrictModel):
     """The positions of assets and tracks during the plan, and the cover of each gate.
 
     All times are in seconds from the start. Between two points of a trajectory, the way is straight
-    and the speed constant; an asset or track without a trajectory stood still.
+    and the speed constant. An asset or track without a trajectory stood still.
     """
 
     trajectories: dict[Name, tuple[TimedPoint, ...]] = Field(
-        default={}, description="asset or track -> its way, to within half a metre"
+        default={}, description="asset or track -> its way, within half a metre"
     )
     guards: dict[Name, tuple[GuardChange, ...]] = Field(
         default={}, description="gate -> its guards at the start and at each change"
     )
     arrived_s: dict[Name, NonNegative] = Field(
-        default={}, description="addressed asset -> when it first reached its destination"
+        default={}, description="agent -> when it reached its destination"
     )
     ended_s: dict[Name, NonNegative] = Field(
-        default={}, description="addressed asset -> when its last command ended"
+        default={}, description="agent -> when its last command ended"
     )
 
 
 class Rehearsal(StrictModel):
     """The result of a rehearsal; `after` is the picture at the end of the rehearsed plan.
 
-    `motion` is empty in the log of an older console, and if nothing was rehearsed. `moments` are
-    the rehearsal's states for ordering rules, without repetitions.
+    `motion` is empty in the log of an older console, and if no motion was simulated. `moments` are
+    the states of the rehearsal that ordering rules use, without repetitions.
     """
 
     before: Picture
@@ -157,7 +168,7 @@ class Rehearsal(StrictModel):
 
 
 class RehearsedReading(StrictModel):
-    """The consequence of a reading: a plan for it and that plan's rehearsal."""
+    """The consequence of a reading: a plan for it, and the rehearsal of that plan."""
 
     plan: Plan
     rehearsal: Rehearsal

@@ -1,4 +1,4 @@
-"""Operational policy as data: rules, their checks and examples, and the seals of rule sets."""
+"""Operational policy as data: rules with their checks and examples, and the seals of rule sets."""
 
 import re
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ PRIORITIES: tuple[Priority, ...] = ("critical", "high", "medium")
 PLACEHOLDER = re.compile(r"\{(track|gate)\}")
 """A placeholder in the mission of a workflow's phase."""
 Version = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9][A-Za-z0-9._+-]{0,31})?$")]
-"""The version of a rule set, in quotes if it looks like a number; empty for none."""
+"""The version of a rule set; empty for none. In YAML, a version like a number needs quotes."""
 
 MOST_PEOPLE = 9
 
@@ -25,8 +25,8 @@ ACTS = (
     "acknowledge",
     "first_order",
 )
-"""The acts that may need more than one person: a command that moves an asset, overriding the judge,
-acknowledging a broken Medium rule, and the first order to a vehicle."""
+"""The acts that may need more than one person: each command that moves an asset, overriding the
+judge, acknowledging a broken rule of Medium priority, and the first order to a vehicle."""
 
 SHORT = 12
 
@@ -34,7 +34,7 @@ SHORT = 12
 class RuleExample(StrictModel):
     """A small plan and state that must pass or fail the rule's check.
 
-    `plan` has pairs of agent and command; `given` overrides parts of the default state. With
+    `plan` has pairs of agent and command, and `given` overrides parts of the default state. With
     `moments`, the example is for the rule's orderings instead. `policy/authoring/examples.py`
     describes both notations.
     """
@@ -52,17 +52,19 @@ class RuleExample(StrictModel):
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
         if self.moments and (self.plan or self.given or self.mission):
-            raise ValueError("moments: an example has either moments or a plan and what is given")
+            raise ValueError(
+                "moments: an example has either moments, or a plan with mission and given"
+            )
         if self.moments and self.expect == "not_applicable":
-            raise ValueError("expect: an example with moments passes or fails")
+            raise ValueError("expect: an example with moments must expect pass or fail")
         return self
 
 
 class Ordering(StrictModel):
-    """The order of events in a mission; `event` and `other` are CEL over a moment.
+    """A required order of events in a mission; `event` and `other` are CEL over a moment.
 
-    With `each`, `it` (and its name `id`) is bound to every track or gate in turn; each of them is
-    followed separately, from the moment at which it first appears.
+    With `each`, `it` is bound to every track or gate in turn, and `id` to its name. Each track or
+    gate is followed separately, from the moment at which it first appears.
 
     before       `event` may first hold only at or after a moment at which `other` has held
     after        once `other` has held, `event` must hold at some moment before the mission ends
@@ -77,41 +79,47 @@ class Ordering(StrictModel):
     other: str
     each: Literal["track", "gate"] | None = None
     seconds: Positive | str | None = Field(
-        default=None, description="a number, or CEL over the world that yields one"
+        default=None, description="a number, or CEL over the world that yields a number"
     )
-    message: str = Field(min_length=1, description="the problem; the subjects are appended")
+    message: str = Field(
+        min_length=1, description="the problem in words; the subjects are appended"
+    )
 
     @model_validator(mode="after")
     def _seconds_fit(self) -> Self:
         if (self.kind == "within") != (self.seconds is not None):
-            raise ValueError("seconds belongs to an ordering of kind 'within', and only there")
+            raise ValueError("seconds is required for kind 'within', and for no other kind")
         return self
 
 
 class Rule(StrictModel):
-    """One rule; without `check` and `order`, only the LLM judges it."""
+    """One rule; if it has neither `check` nor `order`, only the LLM judges it."""
 
     id: str = Field(pattern=r"^[A-Z]+-\d{2,}$")
     domain: Domain
     priority: Priority
     text: str = Field(min_length=1)
     tags: tuple[str, ...] = ()
-    applies: str | None = Field(default=None, description="CEL guard; absent means always")
-    check: str | None = Field(
-        default=None, description="CEL that must hold: true, or an empty list of the offenders"
+    applies: str | None = Field(
+        default=None,
+        description="CEL that decides whether the rule applies; if absent, it always does",
     )
-    message: str = Field(default="", description="the problem; the offenders are appended")
+    check: str | None = Field(
+        default=None,
+        description="CEL that yields true, or an empty list of offenders, if the rule is kept",
+    )
+    message: str = Field(default="", description="the problem in words; the offenders are appended")
     order: tuple[Ordering, ...] = ()
     examples: tuple[RuleExample, ...] = ()
     in_prompts: bool = Field(
         default=True,
         exclude_if=lambda shown: shown,
-        description="false: no model sees it; only software enforces it",
+        description="false if no model sees the rule, and only software enforces it",
     )
 
     @property
     def decidable(self) -> bool:
-        """True if software can decide it, completely or in part."""
+        """True if software can decide the rule, completely or in part."""
         return self.check is not None or bool(self.order)
 
     @property
@@ -125,8 +133,8 @@ class Rule(StrictModel):
             raise ValueError(f"id {self.id!r} does not start with its domain {self.domain!r}")
         if not self.in_prompts and not self.enforced:
             raise ValueError(
-                "in_prompts: only a critical or high rule with check or order may be kept from "
-                "the models; take the field out, or give it one"
+                "in_prompts: only a critical or high rule with check or order may be hidden from "
+                "the models; remove the field, or add a check or order"
             )
         if self.check is None and (self.applies or self.message):
             raise ValueError("applies and message need a check")
@@ -140,35 +148,35 @@ class Rule(StrictModel):
 
 
 def _only_placeholders(command: str) -> str:
-    """Refuse braces other than plain placeholders, so that no format expression can be inserted."""
+    """Refuse braces other than plain placeholders, so that there is no format expression."""
     rest = PLACEHOLDER.sub("", command)
     if "{" in rest or "}" in rest:
         begun = re.search(r"\{[^}]{0,20}\}?|\}", rest)
         raise ValueError(
-            "only {track} and {gate} can be put in, written just so; change or take out "
+            "only {track} and {gate} are allowed in braces; change or remove "
             f"{begun[0] if begun is not None else rest[:20]!r}"
         )
     return command
 
 
 class Phase(StrictModel):
-    """One step of a workflow: planned, checked, judged and approved separately.
+    """One phase of a workflow, which is planned, checked, judged and approved separately.
 
     `when` and `done` are CEL over a moment, with `it` bound to the workflow's track. A phase is
     over if `done` holds; otherwise it is skipped if `when` does not hold. If `verbs` are given, the
-    planner can use only these commands; everything else is left to checks and judge.
+    planner can use only these commands. Only checks and judge limit the plan further.
     """
 
     name: str
     command: Annotated[str, AfterValidator(_only_placeholders)] = Field(
-        min_length=1, description="its mission; {track} and {gate} are filled in"
+        min_length=1, description="the mission of the phase, with placeholders {track} and {gate}"
     )
     verbs: tuple[Verb, ...] = ()
     when: str = "true"
     done: str
 
     def mission(self, track: str, gate: str) -> str:
-        """Return the command with the two names inserted unchanged."""
+        """Return the command with `track` and `gate` in place of the placeholders."""
         return PLACEHOLDER.sub(lambda match: track if match[1] == "track" else gate, self.command)
 
 
@@ -176,50 +184,53 @@ class Workflow(StrictModel):
     """A sequence of phases over several plans that a rule prescribes (WF-01).
 
     `starts` is CEL over a moment, with `it` bound to a track at one of the mission's gates. `ends`
-    maps outcomes to the same kind of CEL, which closes the workflow, early or after its last phase.
+    maps outcomes to the same kind of CEL. If one of them holds, the workflow ends with this
+    outcome, early or after its last phase.
     """
 
     id: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
     rule: str
     starts: str
-    ends: dict[str, str] = Field(default={}, description="outcome in words -> CEL")
-    gone: str = Field(default="gone", description="outcome when the track is no longer known")
+    ends: dict[str, str] = Field(default={}, description="outcome in words -> its condition in CEL")
+    gone: str = Field(default="gone", description="outcome if the track is no longer known")
     phases: tuple[Phase, ...] = Field(min_length=1)
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:
-    """Refuse unknown acts, impossible numbers, and `hold` and `report`, which never wait."""
+    """Refuse unknown acts, invalid numbers, and `hold` and `report`, which never wait."""
     for act, people in approvals.items():
         if act in STILL:
-            raise ValueError(f"{act!r} moves nobody and waits for no second person; take it out")
+            raise ValueError(
+                f"{act!r} moves no asset and never waits for a second person; remove it"
+            )
         if act not in ACTS:
-            raise ValueError(f"{act!r} is nothing that people approve; known: {', '.join(ACTS)}")
+            raise ValueError(f"{act!r} is not an act that people approve; known: {', '.join(ACTS)}")
         if not 1 <= people <= MOST_PEOPLE:
             raise ValueError(f"{act}: {people} people; give a number from 1 to {MOST_PEOPLE}")
     return approvals
 
 
 def approvals_in_words(approvals: Mapping[str, int]) -> str:
-    """Return the acts that need several people, e.g. `block 2, override 2`; '' for none."""
+    """Return the acts that need several people, e.g. `block 2, override 2`; '' without any."""
     return ", ".join(f"{act} {people}" for act, people in approvals.items() if people > 1)
 
 
 class StandingLimits(StrictModel):
-    """The limits of standing orders; by default they carry out nothing without approval.
+    """The limits of standing orders, which by default need approval for every plan.
 
-    If a standing order states that no approval is needed, a plan that it started is carried out
-    without one if every command in it that moves an asset is `allowed`.
+    If a standing order states that no approval is needed, a plan of its missions is carried out
+    without approval if every command in it that moves an asset is `allowed`.
     """
 
     allowed: tuple[Verb, ...] = Field(
-        default=(), description="commands that need no approval of their own"
+        default=(), description="commands that may be given without approval"
     )
 
 
 class RuleSet(StrictModel):
-    """A rule file: every rule in force, and the workflows that they prescribe.
+    """A rule file: the rules, and the workflows that they prescribe.
 
-    `approvals` are the acts that need several people, with their numbers; `standing` limits what
+    `approvals` maps acts to the number of people who must approve them. `standing` limits what
     standing orders may do without approval.
     """
 
@@ -227,7 +238,7 @@ class RuleSet(StrictModel):
     version: Version = ""
     source: str = ""
     approvals: Annotated[dict[str, int], AfterValidator(_people)] = Field(
-        default={}, description="act -> number of people who must approve it, if not one"
+        default={}, description="act -> number of people who must approve it, if more than one"
     )
     standing: StandingLimits = Field(
         default_factory=StandingLimits,
@@ -247,7 +258,7 @@ class RuleSet(StrictModel):
 
 
 class RuleHit(StrictModel):
-    """One retrieved rule with every part of its score."""
+    """One retrieved rule with its score and the parts of the score."""
 
     rule_id: str
     score: float
@@ -270,11 +281,11 @@ _WORDS: dict[Standing, str] = {
 class RulesSeal(StrictModel):
     """A rule set's version, the hash of its content, and its standing.
 
-    `key` is the fingerprint of the key of an intact signature, and `signer` its name among the
-    known keys; `problem` describes an altered set. `accepted` is the reason why the operator had to
-    accept the set, or '' if it was accepted automatically. `core` is the hash of the core that is
-    also in force, or ''. A set with `no_critical_check` has no critical rule of its own that
-    software decides.
+    `key` is the fingerprint of the key that made an intact signature, and `signer` the name of that
+    key among the known keys. `problem` describes what was altered. `accepted` is the reason why the
+    operator had to accept the set, or '' if it was accepted automatically. `core` is the hash of
+    the core that is also in force, or ''. If `no_critical_check` is true, the set has no critical
+    rule of its own that software decides.
     """
 
     version: Version = ""
@@ -289,7 +300,7 @@ class RulesSeal(StrictModel):
 
     @property
     def altered(self) -> bool:
-        """True if it was signed and has changed since then."""
+        """True if the set was signed and has changed since then."""
         return self.standing == "altered"
 
     @property
@@ -299,7 +310,7 @@ class RulesSeal(StrictModel):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The warnings about the set, which are shown in red with it."""
+        """The warnings about the set, which are shown with it in red."""
         lines: list[str] = []
         if self.accepted:
             lines.append(f"accepted by the operator although: {self.accepted}")
@@ -309,13 +320,13 @@ class RulesSeal(StrictModel):
 
     @property
     def title(self) -> str:
-        """The version, if any, and the beginning of the hash."""
+        """The version, if the set has one, and the beginning of the hash."""
         version = f"version {self.version}" if self.version else ""
         return f"{version} {self.content_sha256[:SHORT]}".strip()
 
 
 class RulesSignature(StrictModel):
-    """A signature file: the signed facts, the public key and its signature, in hexadecimal."""
+    """A signature file: the signed facts, with the public key and the signature in hexadecimal."""
 
     name: str
     version: Version

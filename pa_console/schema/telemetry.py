@@ -1,4 +1,4 @@
-"""The known state of the checkpoint at one moment: the common operational picture."""
+"""The common operational picture: the state of the checkpoint at one moment, as it is known."""
 
 from typing import Literal
 
@@ -16,7 +16,7 @@ Task = Literal[
 Identity = Literal["unknown", "authorized", "unauthorized"]
 Intent = Literal["unknown", "benign", "hostile"]
 IdentityClaim = Literal["authorized", "unauthorized", "hostile"]
-"""A source's claim about an identity; `hostile` contradicts `authorized`."""
+"""A source's claim about a track's identity; `hostile` contradicts `authorized`."""
 TrackStatus = Literal["approaching", "stopped", "leaving", "inside"]
 Integrity = Literal["ok", "suspect"]
 Weather = Literal["clear", "rain", "fog"]
@@ -26,14 +26,14 @@ class AssetTelemetry(StrictModel):
     """The latest report of one asset; `stamp_s` is the time of sending, in simulated seconds.
 
     `comms`, `stale`, `integrity` and `available` are the station's own conclusions from the reports
-    that arrived and their times; everything else is from the asset's report. An asset is `manual`
-    by its own report, or because an operator of this station has taken manual control.
+    that arrived and their times; the other fields are from the asset's report. `manual` is from the
+    report as well, and is also true if an operator of this station has taken manual control.
     """
 
     id: Name
     kind: AssetKind
-    at: Name | None = Field(description="frame the asset is at, None between frames")
-    post: Name | None = Field(description="frame the asset is assigned to or heading to")
+    at: Name | None = Field(description="frame that the asset is at; None between frames")
+    post: Name | None = Field(description="frame to which the asset is assigned or heading")
     position: Point
     heading_deg: float = Field(description="0 east, 90 north")
     speed_mps: NonNegative
@@ -43,12 +43,12 @@ class AssetTelemetry(StrictModel):
     low_battery: bool
     comms: CommsStatus
     available: bool = Field(
-        description="status not failed, comms not lost, battery not empty, report fresh and sound, "
-        "not under manual control"
+        description="true if status is not failed, comms not lost, the battery not empty, the "
+        "report fresh and sound, and the asset not under manual control"
     )
-    stale: bool = Field(default=False, description="the report is too old to rely on")
+    stale: bool = Field(default=False, description="true if the report is too old to rely on")
     integrity: Integrity = Field(
-        default="ok", description="suspect: the report contradicts physics or another sensor"
+        default="ok", description="suspect if the report contradicts physics or another sensor"
     )
     route: tuple[Point, ...] = Field(default=(), description="waypoints still ahead")
     command_id: str | None = None
@@ -57,13 +57,13 @@ class AssetTelemetry(StrictModel):
         default=False,
         exclude_if=lambda manual: not manual,
         repr=False,
-        description="a person drives it: the console sends it only the hold of a stop",
+        description="true if a person drives it; the console then sends it only a stop's hold",
     )
     battery_known: bool = Field(
         default=True,
-        exclude_if=lambda known: known,
+        exclude_if=lambda reported: reported,
         repr=False,
-        description="false while it does not report its battery, which then counts as low",
+        description="false while it reports no battery charge, which then counts as low",
     )
 
     @property
@@ -76,45 +76,52 @@ class Track(StrictModel):
     """A detected vehicle or person outside the team, as estimated from detections.
 
     `stamp_s` is the time of the last detection. `intent` is hostile only after two independent
-    sensors have reported so (ROE-01, ROE-10); `hostile_by` has the sensors that did. `identity` is
-    unknown while sources contradict each other, unless two or more of them outweigh the rest.
+    sensors have reported hostile intent (ROE-01, ROE-10); `hostile_by` names these sensors.
+    `identity` is unknown while sources contradict each other, unless two or more of them outweigh
+    the rest.
     """
 
     id: Name
     kind: Literal["vehicle", "person"]
-    gate: Name = Field(description="the gate it approaches or stands at")
+    gate: Name = Field(description="the gate that it approaches or has reached")
     position: Point
     heading_deg: float
     speed_mps: NonNegative
-    distance_m: NonNegative = Field(description="to its gate")
+    distance_m: NonNegative = Field(description="distance from its gate")
     identity: Identity = "unknown"
     intent: Intent = "unknown"
     status: TrackStatus = "approaching"
     observed_by: tuple[Name, ...] = Field(default=(), description="UAVs that see it now")
-    observed: bool = Field(default=False, description="a UAV has seen it at least once")
+    observed: bool = Field(default=False, description="true once a UAV has seen it")
     warned: bool = False
     stamp_s: NonNegative
     first_seen_s: NonNegative = 0.0
-    stale: bool = Field(default=False, description="not detected for too long to rely on")
-    uncertainty_m: NonNegative = Field(default=0.0, description="one sigma of the position")
+    stale: bool = Field(
+        default=False, description="true if the last detection is too old to rely on"
+    )
+    uncertainty_m: NonNegative = Field(
+        default=0.0, description="standard deviation of the position"
+    )
     seen_by: tuple[Name, ...] = Field(default=(), description="sensors that detect it now")
     hostile_by: tuple[Name, ...] = ()
-    noncombatants: bool = Field(default=False, description="noncombatants are suspected (ROE-08)")
+    noncombatants: bool = Field(
+        default=False, description="true if noncombatants are suspected (ROE-08)"
+    )
     emergency: bool = Field(
         default=False,
         exclude_if=lambda marked: not marked,
-        description="a sensor recognises an emergency vehicle: ambulance, fire engine, police",
+        description="true if a sensor recognises an ambulance, a fire engine, or the police",
     )
-    defiant: bool = Field(default=False, description="it continued after it had been warned")
+    defiant: bool = Field(default=False, description="true if it continued after a warning")
     identity_claims: dict[Name, IdentityClaim] = Field(
         default={},
         exclude_if=lambda claims: not claims,
-        description="each source's claim about its identity, while they contradict each other",
+        description="each source's claim about its identity, while the claims are contradictory",
     )
 
     @property
     def dispute(self) -> str:
-        """The claims about a disputed identity in words, or '' if it is not disputed."""
+        """The claims about the identity in words; '' if the identity is not disputed."""
         claims = ", ".join(f"{name} says {claim}" for name, claim in self.identity_claims.items())
         return f"identity disputed: {claims}" if claims else ""
 
@@ -128,10 +135,10 @@ class CameraReport(StrictModel):
 
 
 class GateCover(StrictModel):
-    """The cover of a gate: its guards, and the time since it had any.
+    """The cover of a gate: the assets that cover it, and the time for which it had no cover.
 
-    `unsure` are assets whose last report places them there but is stale or suspect. If no other
-    asset is there, the gate's cover is unknown and counts as none.
+    `unsure` are assets whose last report places them at the gate but is stale or suspect. If no
+    other asset is at the gate, its cover is unknown, and it counts as uncovered.
     """
 
     covered: bool
@@ -141,7 +148,7 @@ class GateCover(StrictModel):
 
     @property
     def unknown(self) -> bool:
-        """True if the gate's cover is unknown."""
+        """True if it is unknown whether the gate is covered."""
         return not self.covered and bool(self.unsure)
 
 
@@ -158,17 +165,17 @@ class Picture(StrictModel):
     links: dict[Name, str] = Field(
         default={},
         exclude_if=lambda links: not links,
-        description="asset -> the link that it is on; empty in a fleet that has no links",
+        description="asset -> its link; empty for a fleet without links",
     )
     not_ready: dict[Name, str] = Field(
         default={},
         exclude_if=lambda why: not why,
-        description="asset -> why it cannot start yet, such as its checks before arming",
+        description="asset -> why it cannot start yet, such as checks before arming",
     )
 
 
 class Selection(StrictModel):
-    """The part of the picture that is in a prompt, with reasons; the rest is left out."""
+    """The part of the picture that is in a prompt, with the reason for each item."""
 
     gates: dict[Name, str] = Field(description="gate -> why it matters")
     tracks: dict[Name, str] = {}
@@ -178,7 +185,7 @@ class Selection(StrictModel):
 
 
 class Digest(StrictModel):
-    """The picture as the models see it (step 3), with the facts that an operator would ask for."""
+    """The picture as the models see it (step 3), with the facts that an operator would want."""
 
     covered: dict[Name, int] = Field(description="number of assets covering each gate")
     uncovered: tuple[Name, ...]
@@ -186,7 +193,7 @@ class Digest(StrictModel):
         description="assets that may leave their place without uncovering a gate, best first"
     )
     sole_cover: dict[Name, Name] = Field(description="gate -> the only asset that covers it")
-    posts: dict[Name, str] = Field(description="asset -> 'kind at frame, task' for those up")
+    posts: dict[Name, str] = Field(description="available asset -> 'kind at frame, task'")
     down: tuple[Name, ...]
     stood: dict[Name, Name] = Field(
         default_factory=dict[Name, Name], description="asset that is down -> the gate it covered"
@@ -197,4 +204,6 @@ class Digest(StrictModel):
     low_battery: tuple[Name, ...]
     degraded_comms: tuple[Name, ...] = ()
     tracks: tuple[str, ...] = Field(description="one line per track, nearest first")
-    selection: Selection | None = Field(default=None, description="None: nothing was left out")
+    selection: Selection | None = Field(
+        default=None, description="the part of the picture; None if all of it is included"
+    )

@@ -1,10 +1,10 @@
-r"""Text for people: numbers in words, and characters that would hide or move other text.
+r"""Text for people: numbers in words, and escapes for characters that hide or move text.
 
-An escape sequence in a rule's text can fill the clipboard; a bidirectional control can reverse "do
-not hold"; a tag character is invisible. Such characters are the control characters (C0, DEL, C1),
-all format characters of Unicode (bidirectional, zero-width, tags), lone surrogates, and the line
-and paragraph separators. Wherever text leaves the program, each of them is written as its escape:
-`\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
+An escape sequence in a rule's text can fill the clipboard, a bidirectional control can reverse "do
+not hold", and a tag character is invisible. Such characters are the control characters (C0, DEL,
+C1), all format characters of Unicode (bidirectional, zero-width, tags), lone surrogates, and the
+line and paragraph separators. Wherever text leaves the program, each such character is replaced by
+its escape: `\x1b`, `\u202e`, `\U000e0041`. The log keeps the true text.
 """
 
 import json
@@ -45,29 +45,29 @@ def clock_text(seconds: float) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Write a measured time with a unit a person can compare: ms below one second."""
+    """Write a measured time in seconds, or in milliseconds below one second."""
     if seconds < 0.0005:
         return "<1 ms"
     return f"{seconds * 1000:.0f} ms" if seconds < 1 else f"{seconds:.1f} s"
 
 
 def visible(text: str) -> str:
-    """Return `text` with escapes for characters that a terminal obeys or that are invisible.
+    """Return `text` with escapes for characters that control a terminal or are invisible.
 
-    Line feeds and tabs are kept, because they are layout.
+    Line feeds and tabs are kept as layout.
     """
     return text if _UNSEEN.search(text) is None else _UNSEEN.sub(_escape, text)
 
 
 def visible_line(text: str) -> str:
-    r"""Return `text` like `visible`, on one line: line feeds become `\n`, tabs `\t`."""
+    r"""Return `text` as `visible` does, but on one line: line feeds become `\n`, tabs `\t`."""
     return visible(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
 def visible_json(document: str) -> str:
-    """Return a JSON `document` with JSON escapes for such characters; layout and meaning stay.
+    """Return a JSON `document` with JSON escapes for the characters that `visible` escapes.
 
-    A program that parses it reads the true text.
+    Layout and meaning are unchanged: a program that parses the document reads the true text.
     """
     return document if _UNSEEN.search(document) is None else _UNSEEN.sub(_json_escape, document)
 
@@ -76,8 +76,8 @@ def obeyed(text: str) -> str:
     """Return the name of the first character of `text` that no file may contain, or ''.
 
     Such characters move a cursor, change a terminal or reverse the reading order. Zero-width
-    characters are allowed, because some languages join letters with them; they are only made
-    visible.
+    characters are allowed, because some languages join letters with them; they are escaped only in
+    output.
     """
     match = _OBEYED.search(text)
     if match is None:

@@ -1,4 +1,4 @@
-"""The checkpoint as data: frames, walls, lanes, zones, platforms and assets, in metres."""
+"""The checkpoint as data, in metres: frames, walls, lanes, zones, platforms and assets."""
 
 import re
 from math import atan2, degrees, floor, hypot
@@ -17,17 +17,17 @@ LostLink = Literal["hold", "return_to_base"]
 MOST_POINTS = 100
 """The largest number of points of a line or a polygon."""
 MOST_CORNERS = 1000
-"""The limit on corners of perimeter, zones and walls in total, with four per wall: routes are
-planned around them."""
+"""The limit on the total number of corners of perimeter, zones and walls, around which routes are
+planned. A wall has four corners."""
 
 OCCUPIED_CELL, FREE_CELL, UNKNOWN_CELL = "#", ".", "?"
-"""The characters of a background's cells."""
+"""The characters for the cells of a background."""
 
 MOST_ROWS = 400
 """The largest number of rows and of columns of a background."""
 
 _IMAGE_TOPIC = r"ros2:(/[A-Za-z0-9_]+)+"
-"""The address of an image that is published on a topic of ROS 2."""
+"""The form of the address of an image that is published on a ROS 2 topic."""
 
 MOST_ALIASES = 200
 
@@ -37,7 +37,9 @@ class Frame(StrictModel):
 
     kind: Literal["gate", "post", "base"]
     at: Point
-    radius_m: Positive = Field(default=8.0, description="within this an asset is at the frame")
+    radius_m: Positive = Field(
+        default=8.0, description="distance within which an asset is at the frame"
+    )
 
 
 class Wall(StrictModel):
@@ -49,25 +51,25 @@ class Wall(StrictModel):
 
 
 class Lane(StrictModel):
-    """A road outside the perimeter that leads vehicles to a gate, far end first."""
+    """A road outside the perimeter that leads to a gate; its points begin at the far end."""
 
     gate: Name
     points: tuple[Point, ...] = Field(min_length=2, max_length=MOST_POINTS)
 
 
 class Zone(StrictModel):
-    """A polygon with a meaning; a restricted zone may be entered on a verified threat (ROE-07)."""
+    """A polygon that assets may enter only because of a verified threat (ROE-07)."""
 
     kind: Literal["restricted"]
     polygon: tuple[Point, ...] = Field(min_length=3, max_length=MOST_POINTS)
 
 
 class Sensing(StrictModel):
-    """A sensor that detects vehicles and persons, scanning once every telemetry period.
+    """A sensor that scans for vehicles and persons once every telemetry period.
 
-    A contact within range, field of view and line of sight is detected with
-    `detection_probability` and its position measured with a normal error of `position_noise_m`
-    (standard deviation per axis).
+    A contact within range, field of view and line of sight is detected with the probability
+    `detection_probability`. The measured position has a normal error with the standard deviation
+    `position_noise_m` per axis.
     """
 
     sensor_range_m: Positive
@@ -77,11 +79,13 @@ class Sensing(StrictModel):
 
 
 class Camera(Sensing):
-    """A fixed camera that watches the approach to a gate; walls block its view."""
+    """A fixed camera that watches the approach to a gate, and whose view walls block."""
 
     gate: Name
     at: Point
-    heading_deg: float = Field(description="middle of its field of view; 0 east, 90 north")
+    heading_deg: float = Field(
+        description="direction of the middle of its field of view; 0 east, 90 north"
+    )
     snapshot: str | None = Field(
         default=None,
         max_length=500,
@@ -99,12 +103,12 @@ class Camera(Sensing):
 
     @property
     def image_topic(self) -> str:
-        """The ROS 2 topic of its image, a `sensor_msgs/CompressedImage`; '' if it has none."""
+        """The ROS 2 topic of its image, a `sensor_msgs/CompressedImage`; '' without a topic."""
         scheme, _, topic = (self.snapshot or "").partition(":")
         return topic if scheme == "ros2" else ""
 
     def covers(self, point: Point) -> bool:
-        """Return whether a point is within range and field of view, walls aside."""
+        """Return whether a point is within range and field of view, without regard to walls."""
         dx, dy = point[0] - self.at[0], point[1] - self.at[1]
         off = (degrees(atan2(dy, dx)) - self.heading_deg + 180.0) % 360.0 - 180.0
         near = hypot(dx, dy) <= self.sensor_range_m
@@ -114,7 +118,7 @@ class Camera(Sensing):
 class Radio(StrictModel):
     """The undisturbed link between the station and every asset.
 
-    A message takes `latency_s` and up to `jitter_s` more, and is lost with probability `loss`.
+    A message takes `latency_s` plus up to `jitter_s`, and is lost with the probability `loss`.
     """
 
     latency_s: NonNegative = 0.05
@@ -123,7 +127,7 @@ class Radio(StrictModel):
 
 
 class Platform(Sensing):
-    """The physical abilities of one kind of asset, and its behaviour without a link (CAP-05)."""
+    """The physical abilities of one kind of asset, and its behaviour after link loss (CAP-05)."""
 
     speed_mps: Positive
     turn_rate_dps: Positive
@@ -132,11 +136,13 @@ class Platform(Sensing):
     lost_link_after_s: Positive = 10.0
     drain_idle_pct_per_min: NonNegative
     drain_moving_pct_per_min: NonNegative
-    charge_pct_per_min: NonNegative = Field(default=10.0, description="at the base, after a return")
+    charge_pct_per_min: NonNegative = Field(
+        default=10.0, description="charging at the base after a return"
+    )
 
 
 class AssetSpec(StrictModel):
-    """One asset of the team and the frame where it is posted at the start."""
+    """One asset of the team, and the frame at which it is posted at the start."""
 
     kind: AssetKind
     post: Name
@@ -144,42 +150,42 @@ class AssetSpec(StrictModel):
 
 
 class Origin(StrictModel):
-    """The place on the earth of a world's point (0, 0), in WGS-84."""
+    """The geographic position of a world's point (0, 0), in WGS-84."""
 
-    latitude: float = Field(ge=-90.0, le=90.0, description="degrees, north of the equator")
-    longitude: float = Field(ge=-180.0, le=180.0, description="degrees, east of Greenwich")
+    latitude: float = Field(ge=-90.0, le=90.0, description="degrees north of the equator")
+    longitude: float = Field(ge=-180.0, le=180.0, description="degrees east of Greenwich")
     bearing: float = Field(
         default=0.0,
         ge=0.0,
         lt=360.0,
-        description="degrees from true north, clockwise, in which the y axis points",
+        description="direction of the y axis, in degrees clockwise from true north",
     )
     altitude: float | None = Field(
         default=None,
         ge=-500.0,
         le=9000.0,
-        description="height of the ground above the ellipsoid in metres; None: unknown",
+        description="height of the ground above the ellipsoid, in metres; None if unknown",
     )
 
 
 class Background(StrictModel):
     """A robot's map as the background of a world; it is only drawn and blocks no route."""
 
-    origin: Point = Field(description="the lower left corner, metres")
-    cell_m: Positive = Field(description="the side of a cell, metres")
+    origin: Point = Field(description="the lower left corner, in metres")
+    cell_m: Positive = Field(description="the side of a cell, in metres")
     rows: tuple[Annotated[str, Field(pattern=r"^[#.?]+$", max_length=MOST_ROWS)], ...] = Field(
         min_length=1,
         max_length=MOST_ROWS,
-        description="# occupied, . free, ? unknown; the first row is the farthest north",
+        description="# for occupied, . for free, ? for unknown; the first row is farthest north",
     )
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """The size in metres, east and north."""
+        """The size to the east and to the north, in metres."""
         return len(self.rows[0]) * self.cell_m, len(self.rows) * self.cell_m
 
     def is_occupied(self, point: Point) -> bool:
-        """Return whether the cell of a point in metres is occupied."""
+        """Return whether the cell at a point, given in metres, is occupied."""
         column = floor((point[0] - self.origin[0]) / self.cell_m)
         row = len(self.rows) - 1 - floor((point[1] - self.origin[1]) / self.cell_m)
         inside = 0 <= row < len(self.rows) and 0 <= column < len(self.rows[0])
@@ -193,7 +199,7 @@ class Background(StrictModel):
 
 
 Alias = Annotated[str, StringConstraints(pattern=r"^[a-z0-9]+( [a-z0-9]+){0,3}$", max_length=40)]
-"""One to four words in lower case, without an article."""
+"""A local name: one to four words in lower case, without an article."""
 
 
 class World(StrictModel):
@@ -205,16 +211,18 @@ class World(StrictModel):
     dt_s: Positive = Field(default=0.1, le=0.5, description="fixed simulation step")
     telemetry_period_s: Positive = 0.5
     standoff_m: Positive = Field(description="least distance to an unverified track (ROE-04)")
-    coverage_grace_s: Positive = Field(description="a gate may be uncovered this long (WF-03)")
+    coverage_grace_s: Positive = Field(description="how long a gate may be uncovered (WF-03)")
     low_battery_pct: Percent = 25.0
     low_battery_policy: str = Field(
         default="",
         max_length=500,
         exclude_if=lambda text: not text,
-        description="the standing order that a console offers at its start, in words",
+        description="the words of the standing order that a console offers at its start",
     )
-    stale_s: Positive = Field(default=3.0, description="older values count as unknown")
-    link_lost_s: Positive = Field(default=6.0, description="silent this long, a link is lost")
+    stale_s: Positive = Field(default=3.0, description="age from which values count as unknown")
+    link_lost_s: Positive = Field(
+        default=6.0, description="silence after which a link counts as lost"
+    )
     radio: Radio = Radio()
     perimeter: tuple[Point, ...] = Field(min_length=3, max_length=MOST_POINTS)
     walls: tuple[Wall, ...] = Field(default=(), max_length=200)
@@ -229,7 +237,7 @@ class World(StrictModel):
         default={},
         max_length=MOST_ALIASES,
         exclude_if=lambda names: not names,
-        description="local names of assets and places: {yard: Checkpoint}",
+        description="local names of assets and places, such as {yard: Checkpoint}",
     )
 
     @property
@@ -254,16 +262,16 @@ class World(StrictModel):
         if len(self.perimeter) + zones + 4 * len(self.walls) > MOST_CORNERS:
             raise ValueError(
                 f"perimeter, zones and walls: more than {MOST_CORNERS} corners together, "
-                "four a wall; draw fewer"
+                "counting four per wall; draw fewer"
             )
         if sum(len(lane.points) for lane in self.lanes.values()) > MOST_CORNERS:
             raise ValueError(f"lanes: more than {MOST_CORNERS} points together; draw fewer")
         names = {*self.frames, *self.zones, *self.assets}
         for alias, name in self.aliases.items():
             if name not in names:
-                raise ValueError(f"aliases.{alias}: {name!r} is no asset and no place")
+                raise ValueError(f"aliases.{alias}: {name!r} is neither an asset nor a place")
             if alias.replace(" ", "") in {other.lower() for other in names}:
-                raise ValueError(f"aliases.{alias}: an asset or a place has this name already")
+                raise ValueError(f"aliases.{alias}: an asset or a place already has this name")
         gates = frozenset(self.gates)
         for name, lane in self.lanes.items():
             if lane.gate not in gates:

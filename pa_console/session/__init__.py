@@ -1,1 +1,1 @@
-"""Sessions: the hash-chained log, the state folded from events, replay and mission traces."""
+"""Sessions: the hash-chained log, the state folded from its events, replay, mission traces."""

@@ -1,13 +1,14 @@
-"""A saved index of a log: the places of its events, a timeline, and keyframes.
+"""A saved index of a log: the places of the log's events, a timeline, and keyframes.
 
-A keyframe is the folded session at some event, as JSON without its picture, which the log has. Its
-missions are packed one by one, and again only if they changed since the previous keyframe. After a
-seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry are left to fold.
+A keyframe is the session folded up to some event, as JSON without the picture, which is in the log.
+The missions are packed one by one, and packed again only if they changed since the previous
+keyframe. After a seek, at most FRAME_EVENTS events or FRAME_BYTES bytes that are not telemetry
+remain to be folded.
 
-The file of an index has one line of JSON (size and times of the log, the sizes of the other parts,
-and a checksum), then the columns as they are in memory, then the packed keyframes. It is used only
-if it is complete, belongs to the unchanged log, and was made by the same code on the same kind of
-machine.
+The file of an index begins with one line of JSON: size and times of the log, the sizes of the other
+parts, and a checksum. Then come the columns as they are in memory, and the packed keyframes. A file
+is used only if it is complete, belongs to the unchanged log, and was made by the same code on the
+same kind of machine.
 """
 
 import hashlib
@@ -50,15 +51,15 @@ FRAME_BYTES = 256 * 1024
 _LINES_A_STEP = 2048
 
 Progress = Callable[[int, int], None]
-"""A function that is called with the bytes read so far and the total number of bytes."""
+"""A function that is called with the number of bytes read so far and the total number."""
 
 _Place = tuple[int, int]
-"""Position and size of packed bytes."""
+"""The position and the size of packed bytes."""
 
 _PICTURE = b',"data":{"picture":{'
 _END = re.compile(rb'\}\},"prev":"[0-9a-f]*","hash":"[0-9a-f]*"\}$')
 _TAIL = 400
-"""The number of bytes at the end of a line that contain the two hashes."""
+"""The number of bytes at the end of a line that include the line's two hashes."""
 KEPT = 12
 """The number of saved indexes; the most recently used ones are kept."""
 
@@ -69,14 +70,14 @@ _CHUNK = 1 << 20
 class LogIndex:
     """An index of every event of a log, with the session at its keyframes.
 
-    `positions` has one more entry than there are events, for the end of the last line. `frames` are
-    the event counts of the keyframes, `frame_at` and `frame_size` their places in `blobs`.
+    `positions` has one entry per event, and one for the end of the last line. `frames` are the
+    event counts of the keyframes, and `frame_at` and `frame_size` their places in `blobs`.
     """
 
     def __init__(self, blobs: IO[bytes], first: int = 0) -> None:
         """Begin without events; packed keyframes and missions are in `blobs` from byte `first`.
 
-        The file is closed when the index is no longer used.
+        The file `blobs` is closed when the index is no longer used.
         """
         self.timeline = RecordingTimeline()
         self.problem: LogError | None = None
@@ -100,7 +101,7 @@ class LogIndex:
         }
 
     def frame_before(self, count: int) -> int:
-        """Return the event count of the last keyframe up to `count` events; 0 is the start."""
+        """Return the event count of the last keyframe within `count` events; 0 if there is none."""
         place = bisect_right(self.frames, count)
         return self.frames[place - 1] if place else 0
 
@@ -127,7 +128,7 @@ class LogIndex:
         return zlib.decompress(self.blobs.read(size))
 
     def put(self, unpacked: bytes) -> _Place:
-        """Append `unpacked` to an index that is being built; return its place."""
+        """Pack `unpacked` and append it to an index that is being built; return its place."""
         packed = zlib.compress(unpacked, 1)
         at = self.blobs.seek(0, io.SEEK_END)
         self.blobs.write(packed)
@@ -143,7 +144,7 @@ class LogIndex:
         return size
 
 
-# The adapters take long to build, so they are made with the first recording.
+# The adapters take long to build, so they are made when the first recording needs them.
 @cache
 def _keyframes() -> TypeAdapter[tuple[dict[str, _Place], SessionState]]:
     return TypeAdapter(tuple[dict[str, _Place], SessionState])
@@ -158,7 +159,7 @@ class MissionShelf(MutableMapping[str, MissionTrace]):
     """Missions by id, in the order of their arrival; each is loaded on first access."""
 
     def __init__(self, kept: Mapping[str, _Place], load: Callable[[str], MissionTrace]) -> None:
-        """Keep the order of `kept`; `load` returns one of these missions."""
+        """Begin with the missions `kept`, in their order; `load` returns one of them by its id."""
         self._order = dict.fromkeys(kept)
         self._load = load
         self._loaded: dict[str, MissionTrace] = {}
@@ -207,7 +208,7 @@ class _Line(StrictModel):
 
 
 class TelemetryLine(NamedTuple):
-    """The time and tick of a record of telemetry, and the tick and second of its picture."""
+    """The time and tick of a record of telemetry, and the tick and time of its picture."""
 
     t: datetime
     tick: int
@@ -216,7 +217,7 @@ class TelemetryLine(NamedTuple):
 
 
 def read_telemetry(line: bytes) -> TelemetryLine | None:
-    """Parse a valid line of telemetry, faster than `parse`; return None for any other line."""
+    """Parse a line of telemetry, faster than `parse`; return None for any other or invalid line."""
     start = RECORD_START.match(line)
     if start is None or start[3] != b"telemetry" or not line.startswith(_PICTURE, start.end()):
         return None
@@ -238,9 +239,10 @@ def build_index(
     *,
     frame_events: int = FRAME_EVENTS,
 ) -> LogIndex:
-    """Index the log `file`, which is at `path`, up to its first bad line or to `size` bytes.
+    """Index the log `file` at `path` up to its first bad line or to `size` bytes.
 
-    The error of a bad line is the index's `problem`. Raises OSError.
+    The error of a bad line becomes the index's `problem`. Raises OSError if the file cannot be
+    read.
     """
     builder = _Builder(LogIndex(_scratch_file()), frame_events)
     index, position = builder.index, 0
@@ -266,7 +268,7 @@ def build_index(
 
 
 def _scratch_file() -> IO[bytes]:
-    """Return a temporary file without a name; if no disk can hold it, it is in memory."""
+    """Return a temporary file without a name, in memory if no disk can hold it."""
     try:
         return tempfile.TemporaryFile(prefix="pa-console-")
     except OSError:
@@ -274,7 +276,7 @@ def _scratch_file() -> IO[bytes]:
 
 
 class _Builder:
-    """A fold over the log that makes keyframes; only changed missions stay in memory."""
+    """A fold over a log that makes keyframes and keeps only changed missions in memory."""
 
     def __init__(self, index: LogIndex, frame_events: int) -> None:
         self.index = index
@@ -285,7 +287,7 @@ class _Builder:
         self._events = self._bytes = self._frame_bytes = 0
 
     def add(self, line: bytes, position: int) -> None:
-        """Add the line at `position`; raise ValueError with its problem."""
+        """Add the line at `position`; raises ValueError for a bad line."""
         timeline = self.index.timeline
         telemetry = read_telemetry(line)
         if telemetry is not None:
@@ -308,7 +310,7 @@ class _Builder:
             self._take(len(self.index.timeline) - 1)
         self._state.apply(event)
         arrived = event.data.mission.id if isinstance(event.data, ev.MissionReceived) else None
-        # If a station loses or regains authority, the plan that waits for approval changes.
+        # When a station loses or regains authority, the plan that waits for approval changes.
         shown = self._state.active if isinstance(event.data, ev.AuthorityChanged) else None
         for name in (arrived, event.mission, shown):
             if name is not None and name in self._state.missions:
@@ -336,7 +338,7 @@ class _Builder:
 
 
 def identity(file: IO[bytes]) -> list[int]:
-    """Return device, file, size and times of an open log; any change to the log changes them."""
+    """Return device, inode, size and times of an open log, which any change to the log changes."""
     stat = os.fstat(file.fileno())
     return [stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns]
 
@@ -348,7 +350,7 @@ def index_path(folder: Path, log: Path) -> Path:
 
 
 def load_index(path: Path, log: Path, log_identity: list[int]) -> LogIndex | None:
-    """Return the index at `path` if it is complete and belongs to `log` as identified."""
+    """Return the index at `path`; None unless it is complete and of `log` with this identity."""
     try:
         file = path.open("rb")
         try:
@@ -364,7 +366,7 @@ def load_index(path: Path, log: Path, log_identity: list[int]) -> LogIndex | Non
 
 
 def save_index(path: Path, index: LogIndex, log_identity: list[int]) -> None:
-    """Write the index to `path`, completely or not at all; raise OSError."""
+    """Write the index to `path`, completely or not at all; raises OSError."""
     make_private_folder(path.parent)
     timeline = index.timeline
     columns = {name: column.tobytes() for name, column in index.columns.items()}
@@ -398,7 +400,7 @@ def save_index(path: Path, index: LogIndex, log_identity: list[int]) -> None:
 
 
 def _read(file: IO[bytes], log: Path, log_identity: list[int]) -> LogIndex:
-    """Return the index in `file`; raise ValueError if it is of another log or damaged."""
+    """Return the index in `file`; raises ValueError if it is of another log or damaged."""
     header: dict[str, Any] = json.loads(file.readline())
     if header["made_by"] != _made_by() or header["log"] != log_identity:
         raise ValueError("of another log, or made by other code")
@@ -432,7 +434,7 @@ def _checksum(parts: list[bytes], blobs: IO[bytes], first: int) -> int:
 
 @cache
 def _made_by() -> str:
-    """Return a hash of the code that folds and of this machine's number formats."""
+    """Return a hash of the code that folds sessions and of this machine's number formats."""
     digest = hashlib.sha256(f"{sys.byteorder} {array('Q').itemsize}".encode())
     for package in (pa_console.session, pa_console.schema):
         for file in sorted(Path(package.__path__[0]).rglob("*.py")):

@@ -1,11 +1,11 @@
-"""The fold of a mission: how each event changes its trace."""
+"""The fold of a mission: the changes that each event makes to the mission's trace."""
 
 from pa_console.schema.events import event as ev
 from pa_console.session.mission_trace import CommandTrace, MissionTrace, VerifiedPlan
 
 
 def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply one event of the mission; unrelated kinds of events change nothing."""
+    """Apply one event of the mission; other kinds of events change nothing."""
     _apply_reading(trace, data)
     _apply_planning(trace, data)
     _apply_decision(trace, data)
@@ -13,9 +13,9 @@ def apply_to_mission(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
-    """Block the waiting plan because of its station's `refusal`; '' removes the block.
+    """Block the waiting plan, because its station may not command; the reason is `refusal`.
 
-    `before` is the previous refusal.
+    The new refusal replaces the one `before`; '' removes the block.
     """
     request = trace.approval
     if request is None or trace.approval_state in ("blocked", "not_understood"):
@@ -29,7 +29,7 @@ def withhold_approval(trace: MissionTrace, before: str, refusal: str) -> None:
 
 
 def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply an event of understanding an order."""
+    """Apply an event about the reading of the order, or about a question."""
     match data:
         case ev.QuestionAsked():
             trace.questions.append(data)
@@ -48,7 +48,7 @@ def _apply_reading(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_prompt(trace: MissionTrace, data: ev.PromptBuilt) -> None:
-    """Begin an answer of the planner or judge, possibly in place of an interrupted one."""
+    """Begin an answer of the planner or judge, which replaces an interrupted answer."""
     if data.role == "planner":
         attempt, trace.stage = trace.attempt(data.attempt), "plan"
         attempt.system, attempt.user, attempt.text = data.system, data.user, ""
@@ -112,7 +112,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _apply_decision(trace: MissionTrace, data: ev.EventPayload) -> None:
-    """Apply a second reading, a request for approval, a decision, or the end of a request."""
+    """Apply a second reading, a request for approval, or an event that ends the request."""
     match data:
         case ev.OrderReadAgain(attempt=number):
             trace.attempt(number).read_again = data
@@ -181,7 +181,7 @@ def _apply_execution(trace: MissionTrace, data: ev.EventPayload) -> None:
 
 
 def _measure_verdicts(trace: MissionTrace) -> None:
-    """Add the time of verdicts on outcomes to the metrics, which may come before or after."""
+    """Add the time of the verdicts on outcomes to the metrics, once the trace has metrics."""
     if trace.metrics is not None:
         taken = sum(verified.judging_s for verified in trace.verified)
         outcome_s = max(trace.metrics.outcome_s, taken)
@@ -189,6 +189,6 @@ def _measure_verdicts(trace: MissionTrace) -> None:
 
 
 def _executing_round(trace: MissionTrace) -> int:
-    """Return the round of the plan that was approved last."""
+    """Return the round of the last approved plan."""
     attempt = trace.find(trace.executing)
     return attempt.round if attempt is not None else trace.round

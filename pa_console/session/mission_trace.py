@@ -1,4 +1,4 @@
-"""The trace of one mission: its state, and its plans one by one."""
+"""The trace of one mission: its state and each of its plans."""
 
 import zlib
 from dataclasses import dataclass, field
@@ -26,8 +26,8 @@ from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidenc
 class Attempt:
     """One plan with its prompt, answer, findings, rehearsal and verdict.
 
-    `round` is the number of plans that the mission had before, `phase` is the phase of its workflow
-    or '', and `digest` is the picture that the plan was made from.
+    `round` is the number of earlier plans of the mission. `phase` is the phase of the workflow that
+    the plan is for, or ''. `digest` is the picture from which the plan was made.
     """
 
     number: int
@@ -48,9 +48,9 @@ class Attempt:
     findings: tuple[Finding, ...] = ()
     checks_s: float = 0.0
     unmet: tuple[str, ...] = ()
-    """Parts of the order that no plan can do now, each with its reason."""
+    """The parts of the order that the plan leaves out, each with its reason."""
     gaps: tuple[str, ...] = ()
-    """Mismatches between the words of the order and the reading that the plan is for."""
+    """The mismatches between the words of the order and the reading that the plan is for."""
     stored_rehearsal: Rehearsal | bytes | None = None
     """The last rehearsal of the plan; compressed once the mission has finished."""
     rehearsal_s: float = 0.0
@@ -64,23 +64,23 @@ class Attempt:
     judge_confidence: float | None = None
     repair: tuple[str, ...] = ()
     instead_of: int | None = None
-    """The attempt with the same prompt, to which this is another answer."""
+    """The attempt whose prompt this plan also answers; None for a prompt of its own."""
     given: bool = False
-    """True if the console gave the commands and the planner chose their assets."""
+    """True if the console gave the commands and the planner only chose the assets."""
     as_judged: bool = False
     """True if the plan is for the judge's reading of the order, not the planner's."""
     as_read_again: bool = False
     """True if the plan is for the second reader's reading of the order."""
     read_again: ev.OrderReadAgain | None = None
-    """The second reader's answer, if it was asked."""
+    """The second reader's answer; None if the second reader was not asked."""
     shown_confidence: float | None = None
     """The confidence in the reading that was shown to the operator."""
     server: str = ""
-    """The model on a server that wrote the plan; '' for the session's own."""
+    """The model on a server that wrote the plan; '' for the local model."""
     as_chosen: bool = False
     """True if the plan is for the reading that the operator chose."""
     made_s: float | None = None
-    """The time of the first rehearsal in simulated seconds; `rehearsal` may be a later one."""
+    """The time of the first rehearsal, in simulated seconds; `rehearsal` is the latest one."""
 
     @property
     def rehearsal(self) -> Rehearsal | None:
@@ -97,9 +97,9 @@ class Attempt:
 
     @property
     def sure(self) -> float | None:
-        """The confidence that the order was read correctly, 0 to 1, as shown to the operator.
+        """The confidence, from 0 to 1, that the order was read correctly, as shown to the operator.
 
-        Before approval is requested, it is computed from the chances of planner and judge.
+        Before approval is requested, it is computed from the confidences of planner and judge.
         """
         if self.shown_confidence is not None:
             return self.shown_confidence
@@ -117,13 +117,13 @@ class Attempt:
 
     @property
     def aside(self) -> str:
-        """The attempt that it replaces and its origin, shown after number and author."""
+        """The replaced attempt and the `origin`, as shown after the plan's number and author."""
         instead = "" if self.instead_of is None else f", instead of {self.instead_of}"
         return instead + self.origin
 
     @property
     def origin(self) -> str:
-        """The contributors besides the author, as a list that continues a sentence; '' for none."""
+        """The other contributors, in words that continue a sentence; '' if there are none."""
         given = ", its commands given by the console" * self.given
         judged = ", as the judge read it" * self.as_judged
         judged += ", as the second reader read it" * self.as_read_again
@@ -144,7 +144,7 @@ def _unpacked(stored: bytes) -> Rehearsal:
 
 @dataclass
 class CommandTrace:
-    """A dispatched command, its replies, oldest first, and the number of repetitions."""
+    """A dispatched command, its replies (oldest first), and the number of resends."""
 
     command: DeviceCommand
     replies: list[CommandReply] = field(default_factory=list[CommandReply])
@@ -160,7 +160,7 @@ class VerifiedPlan:
     round: int = 0
     attempt: int = 0
     step: int = 0
-    """The step of the plan, counted from 1; 0 for a plan of one step."""
+    """The number of the plan's step, from 1; 0 for a plan of one step."""
     judged: bool = False
     verdict: Verdict | None = None
     error: str = ""
@@ -169,7 +169,7 @@ class VerifiedPlan:
 
 @dataclass
 class MissionTrace:
-    """The state of one mission, at its present `stage`.
+    """The state of one mission; `stage` is its present stage.
 
     `rules` is the content hash of the rule set that the mission uses.
     """
@@ -191,26 +191,26 @@ class MissionTrace:
     approval_state: ApprovalState | None = None
     """The state of the last request for approval."""
     stills: dict[int, ev.CameraStill] = field(default_factory=dict[int, ev.CameraStill])
-    """The last image that was shown with each plan, by attempt number."""
+    """The last still that was shown with each plan, by attempt number."""
     decisions: list[ev.DecisionMade] = field(default_factory=list[ev.DecisionMade])
     questions: list[ev.QuestionAsked] = field(default_factory=list[ev.QuestionAsked])
-    """Questions to the operator before planning."""
+    """The questions to the operator about the order."""
     answers: list[ev.QuestionAnswered] = field(default_factory=list[ev.QuestionAnswered])
-    """The operator's questions about the mission, with their answers."""
+    """The answers to the operator's questions about the mission."""
     step: str = ""
     """The step of the order that is being planned; '' for the whole order."""
     references: tuple[ev.Reference, ...] = ()
-    """Words of the order that refer to something, with their meanings."""
+    """The words of the order that refer to something, with their meanings."""
     standing: ev.StandingOrderRead | None = None
-    """The standing order in the text, with its immediate starts; None for a mission."""
+    """The standing order that the text gives, as it was read; None for a mission."""
     voided: str = ""
     voided_attempt: int = 0
-    """The number of the plan that was `voided`."""
+    """The number of the plan that became void; `voided` is the reason."""
     preempted: str = ""
     commands: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     halts: list[ev.PlanHalted] = field(default_factory=list[ev.PlanHalted])
     held: list[ev.StepsHeld] = field(default_factory=list[ev.StepsHeld])
-    """The unsent actions of plans with steps, each with the reason."""
+    """The events that name unsent actions of plans in steps, with the reasons."""
     verified: list[VerifiedPlan] = field(default_factory=list[VerifiedPlan])
     unasked_verdict: Verdict | None = None
     unasked_error: str = ""
@@ -224,7 +224,7 @@ class MissionTrace:
         return next((a for a in reversed(self.attempts) if a.number == number), None)
 
     def attempt(self, number: int) -> Attempt:
-        """Return attempt `number`, from 1; it is added if it is new."""
+        """Return attempt `number`, from 1, which is added if it is new."""
         attempt = self.find(number)
         if attempt is None:
             attempt = Attempt(
@@ -234,42 +234,42 @@ class MissionTrace:
         return attempt
 
     def find_verified(self, number: int | None) -> VerifiedPlan | None:
-        """Return the verification of attempt `number`, or the last one for None."""
+        """Return the verification of attempt `number`, or the last one if `number` is None."""
         matches = (v for v in reversed(self.verified) if number is None or v.attempt == number)
         return next(matches, None)
 
     def next_round(self) -> None:
-        """Assign later attempts to the next plan."""
+        """Begin the next round, to which later attempts belong."""
         if self.attempts and self.attempts[-1].round == self.round:
             self.round += 1
 
     @property
     def shown_status(self) -> str:
-        """The status shown to people; an approved standing order is in force, not verified."""
+        """The status as shown to people: for an approved standing order, `in_force`."""
         if self.standing is not None and self.status == "verified":
             return "in_force"
         return self.status or "open"
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The answers to choose from for the open question; empty without one."""
+        """The answers offered for the open question; empty without an open question."""
         waits = self.approval is not None and self.approval.state == "not_understood"
         return self.questions[-1].choices if waits and self.questions else ()
 
     @property
     def asked_choices(self) -> tuple[str, ...]:
-        """The choices of the question with which the mission ended; empty without one."""
+        """The answers offered for the last question; empty if a later request has followed."""
         was_asked = self.approval_state == "not_understood" and self.questions
         return self.questions[-1].choices if was_asked else ()
 
     @property
     def still(self) -> ev.CameraStill | None:
-        """The image shown with the plan that waits for approval; None without one."""
+        """The still shown with the plan that waits for approval; None without a plan or a still."""
         return self.stills.get(self.approval.attempt) if self.approval is not None else None
 
     @property
     def standings(self) -> dict[str, ev.WorkflowMoved]:
-        """The last move in the workflow of each track."""
+        """The last event of each track's workflow, by track."""
         return {move.track: move for move in self.workflow}
 
     @property
@@ -290,13 +290,13 @@ class MissionTrace:
 
     @property
     def outcome_verdict(self) -> Verdict | None:
-        """The judge's last verdict on an outcome."""
+        """The judge's verdict on the outcome of the last executed plan."""
         return self.verified[-1].verdict if self.verified else self.unasked_verdict
 
 
 @dataclass
 class Round:
-    """One plan from its first attempt to its verification or halt; `number` counts from 0."""
+    """One plan, from its first attempt to its verification or halt; `number` counts from 0."""
 
     number: int
     attempts: list[Attempt] = field(default_factory=list[Attempt])
@@ -309,7 +309,7 @@ class Round:
 
     @property
     def name(self) -> str:
-        """The phase of a workflow that the plan is for, or else the number of the plan."""
+        """The phase of a workflow that the plan is for, or else the plan's number, in words."""
         phase = self.attempts[-1].phase if self.attempts else ""
         return f"Phase {phase}" if phase else f"Plan {self.number + 1}"
 
@@ -322,7 +322,7 @@ class Round:
 
 
 def rounds(trace: MissionTrace) -> list[Round]:
-    """Return every plan of the mission, oldest first; the last one may still be empty."""
+    """Return every round of the mission, oldest first; the last round may still be empty."""
     last = max([a.round for a in trace.attempts], default=0)
     result = [Round(number) for number in range(last + 1)]
     by_attempt = {attempt.number: attempt.round for attempt in trace.attempts}
@@ -343,7 +343,7 @@ def rounds(trace: MissionTrace) -> list[Round]:
 
 
 def chosen_attempt(trace: MissionTrace, now: Round) -> Attempt | None:
-    """Return the attempt that waits for approval or was decided on, else the latest."""
+    """Return the attempt in `now` that waits for approval or was decided on, else the latest."""
     if trace.approval is not None:
         number = trace.approval.attempt
     else:

@@ -1,6 +1,6 @@
-"""Recorded sessions: summaries, soundness, and search by name.
+"""Recorded sessions: their summaries, their soundness, and a search by name.
 
-A summary reads the log in one pass and parses only the start of each telemetry line, which is far
+For a summary, the log is read in one pass, and of most lines only the start is parsed. This is far
 faster than opening the log for a replay.
 """
 
@@ -21,19 +21,19 @@ _READ = frozenset((b"session_started", b"mission_received", b"mission_finished",
 _PICTURES = frozenset((b"telemetry", b"log_signed"))
 
 Ending = Literal["closed", "open", "damaged"]
-"""The end of a log: with the end of its session, without it, or at damage."""
+"""How a log ends: with the end of its session, without it, or at damage."""
 LogStanding = Literal["verified", "running", "open", "unsigned", "damaged"]
 
 
 @dataclass
 class RecordedMission:
-    """A mission of a recorded session; `status` is None if its end is not in the log."""
+    """A mission of a recorded session; `status` is None if the mission's end is not in the log."""
 
     id: str
     said: str
     by_alarm: bool = False
     standing: str = ""
-    """The standing order that started it."""
+    """The id of the standing order that started the mission; '' if none did."""
     status: MissionStatus | None = None
     reason: str = ""
 
@@ -46,7 +46,7 @@ class RecordedMission:
 
 @dataclass
 class SessionSummary:
-    """One recorded session; `length_s` is from its first record to its last."""
+    """One recorded session; `length_s` is the time from its first record to its last."""
 
     log: Path
     session: str = ""
@@ -66,14 +66,14 @@ class SessionSummary:
 
     @property
     def title(self) -> str:
-        """The first order of the operator, else the scenario, else the first alarm's mission."""
+        """The operator's first order, else the scenario, else the first mission."""
         own = (mission.said for mission in self.missions if not mission.origin)
         first = next(iter(self.missions), None)
         return next(own, "") or self.scenario or (first.said if first else "no mission")
 
     @property
     def outcomes(self) -> dict[str, int]:
-        """The number of missions by final status; missions without an end are `open`."""
+        """The number of missions by final status; missions without an end count as `open`."""
         return Counter(mission.status or "open" for mission in self.missions)
 
     @property
@@ -83,7 +83,7 @@ class SessionSummary:
 
 
 def summarise(log: Path) -> SessionSummary:
-    """Return the summary of `log`; raise LogError if it is not the log of a session."""
+    """Return the summary of `log`; raises LogError if it is not the log of a session."""
     summary = SessionSummary(log)
     missions: dict[str, RecordedMission] = {}
     try:
@@ -150,10 +150,10 @@ def _take(summary: SessionSummary, missions: dict[str, RecordedMission], event: 
 
 
 def fold_decisions(log: Path, world_sha256: str) -> tuple[SessionState | None, datetime | None]:
-    """Return the state after `log`, without its pictures, and the time of the log's end.
+    """Return the state at the end of `log`, without its picture, and the time of the log's end.
 
-    There is no state for a session of another world, or for a read-only one. Raises LogError for a
-    file that is not a session log.
+    Returns None for both if the session is read-only or of another world. Raises LogError if the
+    file is not a session log.
     """
     state, last = SessionState(), SessionSummary(log)
     for number, line in read_lines(log):
@@ -176,7 +176,7 @@ def fold_decisions(log: Path, world_sha256: str) -> tuple[SessionState | None, d
 def past_sessions(folder: Path, most: int | None = None) -> list[SessionSummary]:
     """Return the sessions with logs in `folder`, newest first, at most `most` of them.
 
-    Files that are not session logs are ignored; a missing folder has no sessions.
+    Files that are not session logs are ignored. A missing folder counts as empty.
     """
     sessions: list[SessionSummary] = []
     for log in newest_logs(folder):
@@ -201,9 +201,9 @@ def newest_logs(folder: Path) -> list[Path]:
 
 
 def find_session(folder: Path, name: str) -> Path:
-    """Return the log for `name`: a file, a session's id or a unique beginning of one.
+    """Return the log for `name`: a file, a log's name, or a unique beginning of a log's name.
 
-    `last` is the newest session. Raises ValueError if no session or several match.
+    `last` means the newest session. Raises ValueError if no session or more than one matches.
     """
     given = Path(name).expanduser()
     if given.is_file():
@@ -217,7 +217,7 @@ def find_session(folder: Path, name: str) -> Path:
         return matches[0]
     if matches:
         names = ", ".join(sorted(log.stem for log in matches)[:6])
-        raise ValueError(f"“{name}” stands for {len(matches)} sessions: {names}")
+        raise ValueError(f"“{name}” matches {len(matches)} sessions: {names}")
     raise ValueError(f"there is no session “{name}” in {folder}; pa-console sessions lists them")
 
 
@@ -235,7 +235,7 @@ class Soundness:
 
 
 def is_held(log: Path) -> bool:
-    """Return True if a console is writing `log` now; raise OSError if it cannot be opened."""
+    """Return True if a console is writing `log` now; raises OSError if it cannot be opened."""
     with log.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

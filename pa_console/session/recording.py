@@ -1,6 +1,6 @@
-"""A recorded session and its player, which has the same state as a live session.
+"""A recorded session, and a player whose state equals that of the live session.
 
-The timeline is in memory; the events are read from the disk.
+The timeline is in memory, and the events are read from the disk.
 """
 
 import io
@@ -29,16 +29,16 @@ from pa_console.session.timeline import MarkKind, RecordingTimeline, mark_of
 _CONTENT, _LINKED = b',"mission":', b',"prev":'
 _CHANGED = "changed since the log was opened"
 CACHED_FROM = 4_000_000
-"""The least size in bytes of a log whose index is saved."""
+"""The size of a log, in bytes, from which its index is saved."""
 
 RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
 
 class Recording:
-    """The events of a session, each read from the log on access."""
+    """The events of a session, each of which is read from the log on access."""
 
     def __init__(self, events: Iterable[Event] = ()) -> None:
-        """Hold `events` in memory, without transient ones, as in a log."""
+        """Hold `events` in memory, except transient ones, which a log would not have either."""
         self._held: list[Event] = []
         self.index = LogIndex(io.BytesIO())
         self._path, self._file = Path(), None
@@ -63,10 +63,10 @@ class Recording:
         cached_from: int = CACHED_FROM,
         frame_events: int | None = None,
     ) -> Self:
-        """Open a log up to its first bad line; raise LogError if no line is good.
+        """Open a log up to its first bad line; raises LogError if it has no good line.
 
-        The index of a log of `cached_from` bytes or more is saved in the folder `cache`, if one is
-        given and can be written. `frame_events` is the number of events between keyframes.
+        If the log has at least `cached_from` bytes, its index is saved in the folder `cache`, if
+        that is given and can be written. `frame_events` is the number of events between keyframes.
         """
         recording = cls()
         try:
@@ -104,12 +104,12 @@ class Recording:
 
     @property
     def problem(self) -> LogError | None:
-        """The error that ended the reading of the log early, or None."""
+        """The error at which the reading of the log ended early, or None."""
         return self.index.problem
 
     @property
     def started(self) -> SessionStarted:
-        """The start of the session; raises LogError if the log does not begin with one."""
+        """The start of the session; raises LogError if the log does not begin with it."""
         return session_start(self[0] if len(self) else None, self._path)
 
     def __len__(self) -> int:
@@ -139,7 +139,7 @@ class Recording:
     def content(self, index: int) -> str:
         """Return mission, kind and data of event `index` as one JSON object, as in the log.
 
-        Equal texts mean equal events, at any time and in any session. Raises LogError if the log
+        Equal texts mean equal events, whatever their times and sessions. Raises LogError if the log
         can no longer be read.
         """
         if self._file is None:
@@ -159,12 +159,12 @@ class Recording:
 
 
 class Player:
-    """A player for one recording, paused at the beginning.
+    """A player for one recording, at first paused at the beginning.
 
-    It has no clock: the caller calls `advance`. `state` is the session after the first `index`
-    events; most moves replace it, so read `state` again after every call. `position` is in seconds
-    from the first event, by the events' own time stamps. Every move raises LogError if the log can
-    no longer be read; the player is then back at the beginning.
+    The player has no clock, so the caller has to call `advance`. `state` is the session after the
+    first `index` events. Most moves replace it, so read `state` again after every call. `position`
+    is in seconds from the first event, by the events' own time stamps. If the log can no longer be
+    read, every move raises LogError and takes the player back to the beginning.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -177,9 +177,10 @@ class Player:
 
     @classmethod
     def open(cls, path: Path, cache: Path | None = None, progress: Progress | None = None) -> Self:
-        """Open the log at `path`; raise LogError if nothing in it can be read.
+        """Open the log at `path`; raises LogError if no event in it can be read.
 
-        The index of a large log is saved in the folder `cache`; `progress` gets the bytes read.
+        The index of a large log is saved in the folder `cache`. `progress` is called while the
+        index is built.
         """
         return cls(Recording.read(path, progress, cache=cache))
 
@@ -190,7 +191,7 @@ class Player:
 
     @property
     def duration(self) -> float:
-        """Seconds from the first event to the last."""
+        """The time from the first event to the last, in seconds."""
         return self.recording.timeline.duration
 
     @property
@@ -200,7 +201,7 @@ class Player:
 
     @property
     def rate(self) -> float:
-        """Recorded seconds per second of the viewer's time."""
+        """The number of recorded seconds per second of the viewer's time."""
         return self._rate
 
     @rate.setter
@@ -208,7 +209,7 @@ class Player:
         self._rate = min(max(rate, RATES[0]), RATES[-1])
 
     def play(self) -> None:
-        """Start playing; at the end, start from the beginning."""
+        """Start playing, from the beginning if the player is at the end."""
         if self.finished:
             self.seek(0.0)
         self.playing = True
@@ -239,9 +240,9 @@ class Player:
         self._step_to(self.index - 1)
 
     def step_seconds(self, seconds: float) -> None:
-        """Pause, and go `seconds` of the simulation forward, or backward if negative.
+        """Pause, and go `seconds` of simulated time forward, or backward if negative.
 
-        The player moves by at least one event. Without telemetry, the events' own seconds count.
+        The player moves by at least one event. Without telemetry, the events' time stamps are used.
         """
         timeline = self.recording.timeline
         if timeline.ticks_per_s > 0:
@@ -257,21 +258,21 @@ class Player:
         self._step_to(index + 1)
 
     def next_mark(self, kinds: frozenset[MarkKind]) -> bool:
-        """Pause, and go to just after the next mark of these `kinds`; return False without one."""
+        """Pause, and go to just after the next mark of these `kinds`; return False if none."""
         mark = self.recording.timeline.mark_after(self.index, kinds)
         if mark is not None:
             self.to_event(mark)
         return mark is not None
 
     def mark_back(self, kinds: frozenset[MarkKind]) -> bool:
-        """Pause, and go to just after the last mark of these `kinds`; return False if none."""
+        """Pause, and go to just after the previous mark of these `kinds`; return False if none."""
         mark = self.recording.timeline.mark_before(self.index - 1, kinds)
         if mark is not None:
             self.to_event(mark)
         return mark is not None
 
     def seek(self, seconds: float) -> None:
-        """Go to `seconds` from the first event, or to the nearer end; playing continues."""
+        """Go to `seconds` from the first event, or to the nearest end, without pausing."""
         self.position = min(max(seconds, 0.0), self.duration)
         self._go_to(self.recording.timeline.count_until(self.position))
 
@@ -282,11 +283,10 @@ class Player:
         self.position = self.recording.timeline.seconds[index - 1] if index else 0.0
 
     def _go_to(self, index: int) -> None:
-        """Set `state` to that after `index` events; of skipped telemetry, only the last is read."""
+        """Set `state` to the state after `index` events; only the last telemetry is read."""
         recording, timeline = self.recording, self.recording.timeline
         frame = recording.index.frame_before(index)
-        # A keyframe helps backward, or beyond the present event; otherwise the fold continues from
-        # here.
+        # A keyframe helps if it lies ahead, or for a move backward; otherwise the fold continues.
         if index < self.index or frame > self.index:
             state, first, shown = recording.index.state_at(frame), frame, 0
         else:

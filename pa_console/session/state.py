@@ -1,4 +1,4 @@
-"""The state of a session, folded from its events: the same for live sessions and replays."""
+"""The state of a session, folded from its events; it is the same live and in a replay."""
 
 from collections import deque
 from collections.abc import Mapping, MutableMapping
@@ -34,7 +34,7 @@ STILLS_KEPT = 50
 _LEVELS: dict[str, ev.Level] = {"emergency": "alarm", "high": "alarm", "medium": "warning"}
 
 BY_CLOCK = "the clock"
-"""The `by` of the event that ends a timed order after its last moment."""
+"""The value of `by` in the event that ends a timed order after its last moment."""
 MOST_STARTS_KEPT = 100
 
 
@@ -42,10 +42,11 @@ MOST_STARTS_KEPT = 100
 class SessionState:
     """The whole session after the last applied event.
 
-    `latest` is the mission that arrived last, `last_active` the last one in progress, and `answers`
-    maps an alarm's id to the unfinished mission that answers it. `loose_orders` belong to no
-    mission and came after the last stop. `log_problem` is the reason why the log cannot be written,
-    `relieved` the reason why a station of a site with keys may not move any asset.
+    `latest` is the mission that arrived last, and `last_active` the last mission in progress.
+    `answers` maps an alarm's id to the unfinished mission that answers the alarm. `loose_orders`
+    are commands after the last stop that belong to no mission. `log_problem` is the reason why the
+    log cannot be written. `relieved` is the reason why a station of a site with keys may not move
+    any asset.
     """
 
     started: ev.SessionStarted | None = None
@@ -71,14 +72,14 @@ class SessionState:
     muted_agents: frozenset[str] = frozenset()
     """The agents that may not propose missions."""
     standing: dict[str, StandingTrace] = field(default_factory=dict[str, StandingTrace])
-    """The approved standing orders by id, the oldest first."""
+    """The approved standing orders by id, oldest first."""
     manual: dict[str, ManualTrace] = field(default_factory=dict[str, ManualTrace])
-    """The assets under manual control by a decision at the station, the first one first."""
+    """The assets whose manual control was taken at this station, in the order of taking."""
     awaiting: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
-    """The missions that wait for assets under manual control, with these assets."""
+    """The missions that await assets under manual control, each with these assets."""
     tak: TakTrace = field(default_factory=TakTrace)
     stills: dict[str, ev.CameraStill] = field(default_factory=dict[str, ev.CameraStill])
-    """The latest image of each track that was shown recently."""
+    """The latest still of each track that was shown recently."""
 
     @property
     def time_s(self) -> float:
@@ -103,9 +104,9 @@ class SessionState:
 
     @property
     def alarms(self) -> tuple[OpenAlarm, ...]:
-        """The open alarms: highest priority first, then the nearest, then the oldest.
+        """The open alarms: those of the highest priority first, then the nearest, then the oldest.
 
-        Place and distance of a track in an alarm's text are those of the present picture.
+        In an alarm's text, place and distance of a track are taken from the present picture.
         """
         now = (
             OpenAlarm(alarm_now(item.alarm, self.picture), item.acknowledged_by)
@@ -171,7 +172,7 @@ class SessionState:
                 text = f"nothing is dispatched: {problem}" if problem else "written again"
                 self._notice(event, "alarm" if problem else "info", "session log", text)
             case ev.QuestionAnswered(question=question):
-                pointer = f"asked “{question}”; its trace has the answer"
+                pointer = f"asked “{question}”; the mission's trace has the answer"
                 text = pointer if event.mission else answer_in_words(event.data)
                 self._notice(event, "info", event.mission or "question", text)
             case ev.CameraStill(track=track, camera=camera, problem=problem):
@@ -185,13 +186,13 @@ class SessionState:
                 self.ended = reason
             case ev.SessionResumed():
                 self.ended, self.relieved, self.worker, self.servers = "", "", None, {}
-                text = "goes on after its console ended without closing it"
+                text = "continued after its console ended without closing it"
                 self._notice(event, "warning", "session", text)
             case _:
                 pass
 
     def _apply_to_command(self, event: ev.Event) -> None:
-        """Apply a stop of the team, or a change of its command."""
+        """Apply a stop, or a change of the station in command."""
         match event.data:
             case ev.AllStopped(by=by):
                 orders = self.stop.orders if self.stop is not None else self.loose_orders
@@ -258,8 +259,8 @@ class SessionState:
             case ev.PlanHalted(reasons=reasons):
                 self._notice(event, "alarm", event.mission or "", f"halted: {'; '.join(reasons)}")
             case ev.StepsPaused(paused=paused, by=by):
-                text = "paused: no further step is sent" if paused else "goes on with its steps"
-                self._notice(event, "warning", event.mission or "", f"{text}, by {by}")
+                text = f"paused by {by}: no further step is sent" if paused else f"resumed by {by}"
+                self._notice(event, "warning", event.mission or "", text)
             case ev.StepsHeld(orders=orders, reason=reason):
                 text = f"not sent: {'; '.join(orders)}: {reason}"
                 self._notice(event, "alarm", event.mission or "", text)
@@ -300,7 +301,7 @@ class SessionState:
             case ev.StandingOrderWithheld(order_id=name, reason=reason, subject=subject):
                 if name in orders:
                     orders[name].withheld = event.data
-                text = f"nothing is started{f' for {subject}' if subject else ''}"
+                text = f"no mission is started{f' for {subject}' if subject else ''}"
                 self._notice(event, "warning", name, f"{text}: {reason}")
             case ev.StandingOrderRevoked(order_id=name, by=by, reason=reason) if name in orders:
                 revoked = f"revoked by {by}{f': {reason}' if reason else ''}"
@@ -312,10 +313,10 @@ class SessionState:
                     self._notice(event, "warning", name, f"{change} by {by}")
             case ev.AgentMuted(agent=agent, muted=True, by=by):
                 self.muted_agents |= {agent}
-                self._notice(event, "warning", agent, f"muted by {by}: it may propose nothing")
+                self._notice(event, "warning", agent, f"muted by {by}: it may propose no missions")
             case ev.AgentMuted(agent=agent, by=by):
                 self.muted_agents -= {agent}
-                self._notice(event, "warning", agent, f"may propose again, by {by}")
+                self._notice(event, "warning", agent, f"unmuted by {by}: it may propose missions")
             case ev.SessionEnded():
                 for trace in orders.values():
                     trace.ended = trace.ended or "the session has ended"
@@ -326,11 +327,11 @@ class SessionState:
         match event.data:
             case ev.ManualControlTaken(asset=asset, by=by):
                 self.manual[asset] = ManualTrace(by, event.tick)
-                text = f"under manual control, taken by {by}: nothing is sent to it but a stop"
+                text = f"under manual control, taken by {by}: only a stop is sent to it"
                 self._notice(event, "warning", asset, text)
             case ev.ManualControlEnded(asset=asset, by=by):
                 self.manual.pop(asset, None)
-                text = f"given back by {by}: it takes orders again"
+                text = f"manual control ended by {by}: it accepts commands again"
                 self._notice(event, "warning", asset, text)
             case ev.MissionAwaitsAssets(assets=assets, again="") if event.mission:
                 self.awaiting[event.mission] = assets
@@ -338,18 +339,18 @@ class SessionState:
                 self._notice(event, "warning", event.mission, text)
             case ev.MissionAwaitsAssets(assets=assets, again=again) if event.mission:
                 self.awaiting.pop(event.mission, None)
-                text = f"{', '.join(assets)} back: given anew as {again}"
+                text = f"{', '.join(assets)} available again: queued as {again}"
                 self._notice(event, "info", event.mission, text)
             case ev.AllStopped():
                 for name, assets in self.awaiting.items():
-                    text = f"awaits {', '.join(assets)} no longer: everything is stopped"
+                    text = f"no longer awaits {', '.join(assets)}: everything is stopped"
                     self._notice(event, "warning", name, text)
                 self.awaiting = {}
             case _:
                 pass
 
     def _leave(self, event: ev.Event) -> None:
-        """Clear `active` if it is the event's mission; a waiting mission was never active."""
+        """Clear `active` if it is the event's mission."""
         if event.mission == self.active:
             self.active = None
 
@@ -358,7 +359,7 @@ class SessionState:
             del self.answers[alarm]
 
     def _apply_to_orders(self, data: ev.EventPayload) -> None:
-        """Apply commands without a mission: those of a stop, which may precede its event."""
+        """Apply commands without a mission: those of a stop, which may precede the stop's event."""
         orders = self.stop.orders if self.stop is not None else self.loose_orders
         match data:
             case ev.CommandSent(command=command):
@@ -391,7 +392,7 @@ def _urgency(item: OpenAlarm) -> tuple[int, float, float, str]:
 
 
 def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
-    """Return the queue's entries for missions that have not begun, the next one first."""
+    """Return the queue's entries for missions that have not begun, the next mission first."""
     missions = state.missions
     return tuple(
         entry
@@ -402,12 +403,12 @@ def waiting_entries(state: SessionState) -> tuple[QueueEntry, ...]:
 
 
 def begun_missions(state: SessionState) -> tuple[MissionTrace, ...]:
-    """Return the missions that have begun but not ended, in the order of their arrival."""
+    """Return the missions that have begun but not ended, in order of arrival."""
     return tuple(
         trace for trace in state.missions.values() if trace.status is None and _begun(state, trace)
     )
 
 
 def _begun(state: SessionState, trace: MissionTrace) -> bool:
-    """Return True if a mission is active, or was until an emergency preempted it."""
+    """Return True if a mission is active or was active until an emergency preempted it."""
     return bool(trace.attempts) or trace.mission.id == state.active

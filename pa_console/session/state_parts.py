@@ -1,4 +1,4 @@
-"""The parts of a session's state: notices, alarms, a stop, orders, manual control, TAK contacts."""
+"""Parts of a session's state: notices, alarms, a stop, orders, manual control, TAK contacts."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -9,14 +9,14 @@ from pa_console.session.mission_trace import CommandTrace
 from pa_console.session.wording import contact_in_words
 
 LEFT_OUT = {
-    "outside": "contacts beyond the site are reported; they are not shown",
-    "too_many": f"more is reported than is shown: {ev.MOST_CONTACTS} contacts at a time",
-    "unreadable": "the server sends what is no event; it is left out",
+    "outside": "contacts beyond the site are reported but not shown",
+    "too_many": f"more contacts are reported than are shown: {ev.MOST_CONTACTS} at a time",
+    "unreadable": "the server sends malformed events, which are left out",
 }
-"""The notice about contacts that are not shown, by reason; each is given once."""
+"""The notice about contacts that are not shown, by reason. Each notice is given once."""
 
 GONE = {
-    "stale": "not heard any more",
+    "stale": "report expired",
     "removed": "removed by its sender",
     "left": "beyond the site",
 }
@@ -24,7 +24,7 @@ GONE = {
 
 @dataclass(frozen=True)
 class Notice:
-    """One line of the event list; a `hidden` one was unknown to the operator at the time."""
+    """One line of the event list; if it is `hidden`, the operator could not know it at the time."""
 
     t: datetime
     tick: int
@@ -43,7 +43,7 @@ class OpenAlarm:
 
     @property
     def acknowledged(self) -> bool:
-        """True once an operator has seen it."""
+        """True once an operator has seen the alarm."""
         return bool(self.acknowledged_by)
 
 
@@ -55,18 +55,18 @@ class Stop:
     tick: int
     orders: dict[str, CommandTrace] = field(default_factory=dict[str, CommandTrace])
     overdue: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets that should hold by now but are not known to, each with the reason."""
+    """The assets that should hold by now but are not known to hold, each with the reason."""
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """The assets that were ordered to hold but have not answered, or are not seen to hold."""
+        """The assets that have not reported that they hold, or are not seen to hold."""
         return tuple(
             name for name, sent in self.orders.items() if name in self.overdue or not _is_done(sent)
         )
 
     @property
     def held(self) -> int:
-        """The number of assets that have reported that they hold."""
+        """The number of assets that have reported, and are seen, to hold."""
         return len(self.orders) - len(self.unconfirmed)
 
 
@@ -81,16 +81,16 @@ class StartTrace:
 
 @dataclass
 class StandingTrace:
-    """One approved standing order and its effects; `ended` is the reason why it is over."""
+    """One approved standing order and its starts; `ended` is the reason why it is over."""
 
     order: StandingOrder
     by: str
     since_tick: int
     starts: list[StartTrace] = field(default_factory=list[StartTrace])
     started: int = 0
-    """The number of missions started; `starts` has only the last of them."""
+    """The number of missions started; `starts` has only the latest of them."""
     withheld: ev.StandingOrderWithheld | None = None
-    """The last time that the order started nothing."""
+    """The event of the last time that the order did not start a mission."""
     next: ev.StandingOrderScheduled | None = None
     """The order's next moment, and whether the order is paused."""
     ended: str = ""
@@ -102,7 +102,7 @@ class StandingTrace:
 
     @property
     def paused(self) -> bool:
-        """True while the order starts nothing, until it is resumed."""
+        """True while the order is paused and starts no mission."""
         return self.next is not None and self.next.paused
 
     @property
@@ -121,9 +121,9 @@ class ManualTrace:
 
 @dataclass
 class TakTrace:
-    """The connection to a TAK server, unchanged `since` then, and its contacts by uid.
+    """The connection to a TAK server, last changed at `since`, and the contacts by uid.
 
-    It is separate from the picture: planning, checks and alarms do not read it.
+    This is separate from the picture: planning, checks and alarms do not read it.
     """
 
     connection: ev.TakChanged | None = None

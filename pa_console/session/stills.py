@@ -1,6 +1,6 @@
 """The camera stills beside a log, in the folder `LOG.stills`, each named by its SHA-256.
 
-An image that was shown to an operator is kept, and the log has its hash: a file that was changed
+An image that was shown to an operator is kept, and its hash is in the log. A file that was changed
 afterwards is not shown again.
 """
 
@@ -11,7 +11,7 @@ from pa_console.private_files import make_private_folder, replace_private
 from pa_console.schema.events.event import CameraStill
 
 MOST_BYTES = 4_000_000
-"""The size limit of a still; a larger file was not kept here."""
+"""The size limit of a still, in bytes; a larger file was not written by the console."""
 
 
 def stills_folder(log: Path) -> Path:
@@ -20,7 +20,7 @@ def stills_folder(log: Path) -> Path:
 
 
 def keep_still(log: Path, content: bytes, still: CameraStill) -> None:
-    """Write the file of `still` beside `log`, once; raises OSError."""
+    """Write the file of `still` beside `log`, unless it exists; raises OSError."""
     path = stills_folder(log) / still.file_name
     if not path.exists():
         make_private_folder(path.parent)
@@ -28,7 +28,7 @@ def keep_still(log: Path, content: bytes, still: CameraStill) -> None:
 
 
 def is_changed(log: Path, still: CameraStill) -> bool | None:
-    """Return whether the file of `still` differs from the image shown; None if it is missing."""
+    """Return whether the file of `still` was changed after it was shown; None if it is missing."""
     path = stills_folder(log) / still.file_name
     try:
         with path.open("rb") as file:

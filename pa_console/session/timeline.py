@@ -1,6 +1,6 @@
 """The timeline of a recording: time, kind and mark of every event, in 25 bytes per event.
 
-The events themselves are read from the disk.
+The events themselves stay on the disk.
 """
 
 import re
@@ -17,7 +17,8 @@ from pa_console.session.state import SessionState
 from pa_console.session.wording import deviations_in_words
 
 MarkKind = Literal["fault", "refusal", "alarm", "finding", "mission"]
-"""Kinds of marks that a viewer jumps to, worst first; the worst mark at one place is shown."""
+"""The kinds of marks to which a viewer can jump, worst first; of several marks at one place, the
+worst is shown."""
 
 MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
 _NO_FAULTS = frozenset(("spawn", "restore", "weather", "turn", "place", "clear"))
@@ -29,7 +30,7 @@ _NOT_TELEMETRY = re.compile(b"[^" + re.escape(bytes((_TELEMETRY,))) + b"]")
 
 
 def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
-    """Return the mark of `event`, which comes after the state `before`; None for no mark."""
+    """Return the mark of `event`, given the state `before` it; None if the event has no mark."""
     kind: MarkKind | None = None
     if _is_fault(event.data):
         kind = "fault"
@@ -45,7 +46,7 @@ def mark_of(event: ev.Event, before: SessionState) -> MarkKind | None:
 
 
 def _is_finding(data: ev.EventPayload) -> bool:
-    """Return True if a check, the judge or telemetry objects, or the operator changed a plan."""
+    """Return True if a check, the judge or telemetry objects, or an operator changes a plan."""
     match data:
         case ev.PlanChecked(findings=findings):
             return any(finding.broken for finding in findings)
@@ -73,7 +74,7 @@ def _is_refusal(data: ev.EventPayload) -> bool:
 
 
 def _is_fault(data: ev.EventPayload) -> bool:
-    """Return True if something failed, or was stopped because of a fault."""
+    """Return True for a fault of a device, model or incident, and for a halt, stop or refusal."""
     match data:
         case ev.IncidentHappened(incident=incident):
             return _breaks(incident)
@@ -90,7 +91,7 @@ def _is_fault(data: ev.EventPayload) -> bool:
 
 
 def _breaks(incident: Incident) -> bool:
-    """Return True if an incident makes something worse; repairs and new tracks do not."""
+    """Return True if an incident makes something worse, as repairs and new tracks do not."""
     match incident.kind:
         case "comms":
             return incident.comms != "ok"
@@ -107,10 +108,11 @@ def _breaks(incident: Incident) -> bool:
 
 
 class RecordingTimeline:
-    """Columns with an entry for each event; `seconds` and `ticks` never decrease.
+    """The columns of a timeline, with an entry for each event.
 
-    `seconds` count from the first event by the events' own time stamps. `ticks` are those of the
-    simulation. `ticks_per_s` is their number per simulated second, or 0 while it is unknown.
+    `seconds` count from the first event by the events' own time stamps, and `ticks` are those of
+    the simulation; neither ever decreases. `ticks_per_s` is the number of ticks per simulated
+    second, or 0 while it is unknown.
     """
 
     def __init__(self) -> None:
@@ -128,11 +130,11 @@ class RecordingTimeline:
 
     @property
     def duration(self) -> float:
-        """Seconds from the first event to the last."""
+        """The time from the first event to the last, in seconds."""
         return self.seconds[-1] if self.seconds else 0.0
 
     def add(self, t: datetime, tick: int, kind: str, mark: MarkKind | None) -> None:
-        """Append an event; if its time is earlier than its predecessor's, it gets the same time."""
+        """Append an event; if it is earlier than its predecessor, it gets the same time."""
         t = t if t.tzinfo is not None else t.replace(tzinfo=UTC)
         self.start = self.start or t
         self.seconds.append(max((t - self.start).total_seconds(), self.duration))
@@ -143,7 +145,7 @@ class RecordingTimeline:
         self.kinds.append(_CODES[kind])
 
     def see_clock(self, tick: int, time_s: float) -> None:
-        """Set the rate of ticks, given that `tick` is the simulated second `time_s`."""
+        """Set the number of ticks per second, given that `tick` is at simulated time `time_s`."""
         if time_s > 0:
             self.ticks_per_s = tick / time_s
 
@@ -156,19 +158,19 @@ class RecordingTimeline:
         return self.kinds[index] == _TELEMETRY
 
     def last_telemetry(self, count: int) -> int:
-        """Return the last telemetry among the first `count` events, or -1."""
+        """Return the index of the last telemetry among the first `count` events, or -1."""
         return self.kinds.rfind(_TELEMETRY, 0, count)
 
     def without_telemetry(self, first: int, end: int) -> Iterator[int]:
-        """Yield the events from `first` up to `end` that are not telemetry."""
+        """Yield the indexes from `first` up to `end` of events that are not telemetry."""
         return (match.start() for match in _NOT_TELEMETRY.finditer(self.kinds, first, end))
 
     def kinds_between(self, first: int, end: int) -> frozenset[str]:
-        """Return the kinds of the events from `first` up to `end`."""
+        """Return the kinds of the events with indexes from `first` up to `end`."""
         return frozenset(KIND_NAMES[code] for code in set(self.kinds[first:end]))
 
     def count_until(self, seconds: float) -> int:
-        """Return the number of events up to `seconds` after the first."""
+        """Return the number of events up to `seconds` after the first event."""
         return bisect_right(self.seconds, seconds)
 
     def count_until_tick(self, tick: float) -> int:
@@ -176,19 +178,19 @@ class RecordingTimeline:
         return bisect_right(self.ticks, tick)
 
     def mark_after(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
-        """Return the first event at or after `index` with a mark of these `kinds`, or None."""
+        """Return the index of the first mark of these `kinds` at or after `index`, or None."""
         wanted = [MARK_KINDS.index(kind) for kind in kinds]
         places = range(bisect_left(self.marks, index), len(self.marks))
         return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)
 
     def mark_before(self, index: int, kinds: frozenset[MarkKind]) -> int | None:
-        """Return the last event before `index` with a mark of these `kinds`, or None."""
+        """Return the index of the last mark of these `kinds` before `index`, or None."""
         wanted = [MARK_KINDS.index(kind) for kind in kinds]
         places = range(bisect_left(self.marks, index) - 1, -1, -1)
         return next((self.marks[i] for i in places if self.mark_kinds[i] in wanted), None)
 
     def marks_by_place(self, places: int) -> list[MarkKind | None]:
-        """Return the worst mark in each of `places` equal parts of the duration."""
+        """Return the worst mark, or None, in each of `places` equal parts of the duration."""
         highest: list[int | None] = [None] * places
         scale = places / self.duration if self.duration > 0 else 0.0
         for index, kind in zip(self.marks, self.mark_kinds, strict=True):

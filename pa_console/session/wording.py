@@ -26,8 +26,8 @@ _TEMPLATES: dict[str, str] = {
     "manual_control": "{asset} {state}",
     "weather": "weather: {weather}",
     "obstruct": "the way is obstructed at ({start[0]:g}, {start[1]:g})",
-    "phantom": "a sensor at {gate} reports what is not there",
-    "turn": "the truth behind {track} changes",
+    "phantom": "a sensor at {gate} reports a false contact",
+    "turn": "the true properties of {track} change",
     "worker": "the model's worker process is killed",
     "place": "{asset} is placed at {frame}",
     "clear": "all tracks at {gate} are gone",
@@ -41,14 +41,14 @@ TRACK_PLACES: dict[TrackStatus, str] = {
     "inside": "has passed {gate}",
     "leaving": "is leaving {gate}",
 }
-"""The place of a track in words, with its gate, by status."""
+"""The place of a track at its gate in words, by the track's status."""
 
 _PLACE = re.compile(r"\b(?:is approaching|has stopped at|has passed|is leaving) ")
 _DISTANCE = re.compile(r"\d+ m\Z")
 
 
 def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
-    """Return `alarm` with the present place and distance of its track in the picture."""
+    """Return `alarm` with the place and distance that its track now has in the picture."""
     track = picture.tracks.get(alarm.subject) if picture is not None else None
     if track is None or alarm.distance_m is None:
         return alarm
@@ -58,7 +58,7 @@ def alarm_now(alarm: Alarm, picture: Picture | None) -> Alarm:
 
 
 def incident_in_words(incident: Incident) -> str:
-    """Return `incident` as an operator can observe it; a track's true properties stay hidden."""
+    """Return `incident` in words, without the true properties of a track."""
     values = incident.model_dump()
     match incident.kind:
         case "comms":
@@ -81,8 +81,8 @@ def incident_in_words(incident: Incident) -> str:
 def deviations_in_words(decision: Decision) -> str:
     """Return the operator's deviations from the console's proposal; '' if there are none.
 
-    A deviation is a changed plan, another reading of the order, an overridden objection of the
-    judge, or an accepted breach.
+    A deviation is a changed plan, another reading of the order, an override of the judge, or an
+    acknowledged broken rule.
     """
     words: list[str] = []
     if decision.kind == "modify":
@@ -101,7 +101,7 @@ def deviations_in_words(decision: Decision) -> str:
 
 
 def order_in_words(command: DeviceCommand | Action) -> str:
-    """Return a command as it is in a plan: `move_to EastGate`."""
+    """Return a command as it is written in a plan, such as `move_to EastGate`."""
     return f"{command.verb} {command.target or ''}".strip()
 
 
@@ -112,7 +112,7 @@ def answer_in_words(answer: ev.QuestionAnswered) -> str:
 
 
 def contact_in_words(contact: ev.ReportedContact) -> str:
-    """Return the claims about a contact: *“ALPHA-1”, said to be a friend, vehicle, at (12, -3)*."""
+    """Return the claims about a contact: *“ALPHA-1”, said to be friend, vehicle, at (12, -3)*."""
     x, y = contact.at
     claimed = f"said to be {contact.affiliation}, {contact.what}"
     return f"“{contact.name}”, {claimed}, at ({x:.0f}, {y:.0f})"
@@ -121,20 +121,20 @@ def contact_in_words(contact: ev.ReportedContact) -> str:
 def unconfirmed_in_words(assets: Mapping[str, str]) -> str:
     """Return the assets that are not known to hold after a stop, with the reasons."""
     if not assets:
-        return "every asset stands, as telemetry shows"
+        return "every asset stands still, as telemetry shows"
     names = ", ".join(f"{name} ({why})" for name, why in assets.items())
     return f"STOP not confirmed by {names}"
 
 
 def link_in_words(name: str, links: Mapping[str, str]) -> str:
-    """Return the link of the asset `name` in `links`, in words; '' if there are no links."""
+    """Return the link of the asset `name` in words; '' if the fleet has no `links`."""
     if not links:
         return ""
     return f"over {links[name]}" if name in links else "on no link"
 
 
 def links_in_words(picture: Picture) -> list[str]:
-    """Return a line for each link, with its assets, and one for assets without a link."""
+    """Return a line for each link with its assets, and one for the assets without a link."""
     on: dict[str, list[str]] = {}
     for name in picture.assets if picture.links else ():
         on.setdefault(picture.links.get(name, ""), []).append(name)
@@ -155,5 +155,5 @@ def command_taken_in_words(taken: ev.CommandTaken) -> str:
     """Return the station that lost command, and the last record of its log."""
     return (
         f"taken from {taken.station} by {taken.by}, epoch {taken.epoch}; its session "
-        f"{taken.session} had come to record {taken.records}, hash {taken.head[:12]}"
+        f"{taken.session} had {taken.records} records, last hash {taken.head[:12]}"
     )

@@ -143,7 +143,7 @@ def test_verify_names_the_first_head_that_is_gone(tmp_path: Path, call: Call) ->
     done = call(*words)
     assert done.code == 2
     assert f"{witness}:" in done.said
-    assert "cut or written anew" in done.said
+    assert "were removed or rewritten" in done.said
     assert call(*words, "--json").json["witness"]["line"] is not None
 
 

@@ -343,7 +343,7 @@ def test_what_is_visible_stays_and_the_rest_is_told_apart(text: str) -> None:
 )
 def test_no_file_holds_what_a_terminal_obeys(piece: str) -> None:
     text = yaml.safe_dump({"rules": [{"text": f"No {piece} force."}]})
-    with pytest.raises(DocumentError, match=r"rules\.0\.text: holds U\+.*take it out") as refused:
+    with pytest.raises(DocumentError, match=r"rules\.0\.text: contains U\+.*remove it") as refused:
         Document("rules.yaml", text)
     assert refused.value.line == 2
     assert not raw(str(refused.value))

@@ -42,7 +42,7 @@ def test_an_export_onto_a_part_of_the_audit_is_refused(log: Path, part: str) -> 
     target = log.with_name(part)
     before = {path: path.read_bytes() for path in log.parent.iterdir()}
     with (
-        pytest.raises(ValueError, match=r"never written over|log itself") as told,
+        pytest.raises(ValueError, match=r"never overwritten|log itself") as told,
         whole_file(target, log) as file,
     ):
         file.write(b"export")
@@ -54,9 +54,9 @@ def test_the_verb_leaves_the_seal_whole(log: Path, call: Call) -> None:
     for part in ("s.jsonl.head", "other.jsonl", "key.pem"):
         done = call("export", "markdown", str(log), "-o", str(log.with_name(part)))
         assert done.code == 2
-        assert "never written over" in done.said
+        assert "never overwritten" in done.said
     done = call("world", "generate", "-o", str(head_path(log)), "--force")
-    assert (done.code, "never written over" in done.said) == (2, True)
+    assert (done.code, "never overwritten" in done.said) == (2, True)
     assert read_head(log) is not None
     assert verify(log).intact
 

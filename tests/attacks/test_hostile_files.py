@@ -145,7 +145,7 @@ def test_a_file_that_is_too_long_or_no_file_is_refused_unread(tmp_path: Path) ->
     path.write_bytes(b"#" * (MOST_BYTES + 1))
     with pytest.raises(DocumentError, match="longer than 1,000,000 bytes"):
         load_rules(path)
-    with pytest.raises(DocumentError, match="not a plain file"):
+    with pytest.raises(DocumentError, match="not a regular file"):
         load_world(Path("/dev/zero"))
 
 

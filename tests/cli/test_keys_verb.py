@@ -215,8 +215,8 @@ def test_rules_are_enrolled_with_what_they_ask_two_people_for(call: Call, tmp_pa
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ("{blok: 2}", "'blok' is nothing that people approve; known: move_to, "),
-        ("{hold: 2}", "'hold' moves nobody and waits for no second person; take it out"),
+        ("{blok: 2}", "'blok' is not an act that people approve; known: move_to, "),
+        ("{hold: 2}", "'hold' moves no asset and never waits for a second person; remove it"),
         ("{block: 0}", "block: 0 people; give a number from 1 to 9"),
         ("{block: two}", "approvals"),
     ],

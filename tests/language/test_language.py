@@ -51,8 +51,8 @@ def test_what_people_call_a_place_or_an_asset_is_its_name() -> None:
 @pytest.mark.parametrize(
     ("aliases", "wrong"),
     [
-        ({"yard": "Yard"}, "'Yard' is no asset and no place"),
-        ({"north gate": "Base"}, "has this name already"),
+        ({"yard": "Yard"}, "'Yard' is neither an asset nor a place"),
+        ({"north gate": "Base"}, "already has this name"),
         ({"The Yard": "Base"}, "should match pattern"),
     ],
 )

@@ -97,7 +97,7 @@ def test_broken_yaml_is_reported_with_its_line(text: str, line: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"), [("name: a\n\tparts: 1\n", "put spaces"), ("", "it is empty")]
+    ("text", "problem"), [("name: a\n\tparts: 1\n", "use spaces"), ("", "the file is empty")]
 )
 def test_a_tab_and_an_empty_document_are_called_what_they_are(text: str, problem: str) -> None:
     assert problem in error_of(text).problem

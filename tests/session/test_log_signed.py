@@ -133,7 +133,7 @@ def test_a_log_that_is_opened_again_says_what_was_not_signed_then(tmp_path: Path
             writer.append(event)
     found = verify(log, KNOWN)
     assert found.intact
-    assert f"{lines - 2} records before line {lines + 2} were not signed yet" in found.note
+    assert f"{lines - 2} records before line {lines + 2} were still unsigned" in found.note
     assert list(read_log(log)) == [event for event in session if not event.data.transient]
 
 

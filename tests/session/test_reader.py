@@ -130,7 +130,7 @@ def test_a_cut_is_found_or_noted(original: bytes, check: Tamper, data: st.DataOb
 @pytest.mark.parametrize(
     ("changes", "line", "problem"),
     [
-        ({"tick": 1}, 3, "the record was replaced, its hash recomputed"),
+        ({"tick": 1}, 3, "the record was replaced and its hash recomputed"),
         ({"kind": "explosion"}, 3, "unknown kind of event “explosion”"),
         ({"kind": ["x"]}, 3, "unknown kind"),
         ({"kind": "session_ended"}, 3, "reason"),

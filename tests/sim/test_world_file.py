@@ -290,7 +290,7 @@ def test_every_shipped_scenario_fits_the_checkpoint_and_says_what_to_expect(
         ("events: [{when: {asset: Ugv_T01, state: flying}, do: {kind: worker}}]", 4,
          "events.0.when.state", "'moving', 'arrived'"),
         ("events: [{when: {weather: fog}, do: {kind: worker}}]", 4, "events.0.when",
-         "a condition names a track, an asset or an event"),
+         "a condition must name a track, an asset or an event"),
         ("events: [{do: {kind: worker}}]", 4, "events.0", "exactly one of at_s and when"),
         ("events: [{at_s: 1, do: {kind: explode}}]", 4, "events.0.do", "kind"),
         ("events: [{at_s: 1, do: {kind: fail}}]", 4, "events.0.do.asset", "Field required"),

@@ -93,7 +93,7 @@ def test_a_second_client_s_units_are_in_the_session_until_they_are_stale(
         )
         assert session.lines.count(first) == 1
         session.wait(lambda state: not state.reported_contacts, nothing)
-        assert sum("no longer reported, not heard any more" in line for line in session.lines) == 2
+        assert sum("no longer reported, report expired" in line for line in session.lines) == 2
     states = _replayed(session.events)
     assert {frozenset(one) for one in states} >= {frozenset(("ATAK-1", "ATAK-2")), frozenset()}
 

@@ -1,4 +1,4 @@
-"""Step 8: commands under way, from acknowledgement to their end: resends, repeats and time-outs."""
+"""Step 8: commands under way until each has ended: replies, resends and time-outs."""
 
 import asyncio
 from collections.abc import AsyncIterator, Generator, Iterable, Iterator, Sequence
@@ -10,22 +10,22 @@ from pa_console.schema.command import FINAL_REPLIES, CommandReply, DeviceCommand
 Step = tuple[int, tuple[CommandReply, ...]]
 
 ACKNOWLEDGE_S = 8.0
-"""The time for which a command without any reply is resent before it is given up, in seconds."""
+"""The time after which a command without any reply is given up, in seconds."""
 RESEND_S = 1.0
 """The wait before the first resend of a command without a reply, in seconds."""
 RESEND_GROWTH = 1.2
-"""The factor by which this wait grows with each resend."""
+"""The factor by which the wait for the next resend grows each time."""
 MOST_GROWTH = 10
-"""The number of times that the wait for the next resend grows, up to about ASK_AGAIN_S."""
+"""The number of times that the wait for the next resend grows, until it is near ASK_AGAIN_S."""
 
 ASK_AGAIN_S = 6.5
 """The wait before a command is resent to a device that has fallen silent, in seconds."""
 TIMED_OUT = "timed out"
-"""The beginning of the detail of a reply that reports a time-out; no device sent that reply."""
+"""The beginning of the detail of a reply that the station makes itself after a time-out."""
 
 
 class StepFeed:
-    """A feed of steps from the station's clock to any number of followers; none misses a step."""
+    """A feed of steps from the station's clock to its followers, of which none misses a step."""
 
     def __init__(self) -> None:
         self._followers: list[asyncio.Queue[Step]] = []
@@ -42,7 +42,7 @@ class StepFeed:
 
     @contextmanager
     def follow(self) -> Generator[AsyncIterator[Step]]:
-        """Yield an endless iterator over the steps from now on."""
+        """Yield an endless iterator over all steps from now on."""
         queue: asyncio.Queue[Step] = asyncio.Queue()
         self._followers.append(queue)
         try:
@@ -58,7 +58,7 @@ async def _drain(queue: asyncio.Queue[Step]) -> AsyncIterator[Step]:
 
 @dataclass
 class _OpenCommand:
-    """A command under way; `sent` and `replied` are the ticks of its last sending and reply."""
+    """A command under way, with the ticks at which it was last `sent` and last `replied` to."""
 
     command: DeviceCommand
     sent: int
@@ -68,10 +68,10 @@ class _OpenCommand:
 
 
 class Dispatch:
-    """The commands of one plan under way; replies and time determine the end of each.
+    """The commands of one plan under way, each of which ends by a final reply or a time-out.
 
-    It has no link: the caller sends the commands from `resends`. Devices carry out a command id
-    once and repeat their last answer, so resending is harmless.
+    The class sends nothing itself: the caller sends the commands that `resends` returns. Resending
+    is harmless, because a device carries out a command id once and then repeats its last answer.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Dispatch:
         self._open = {command.command_id: _OpenCommand(command, tick) for command in commands}
         self._started, self._dt_s, self._limit_s = tick, dt_s, limit_s
         self.final: dict[str, CommandReply] = {}
-        """The last reply per agent, once its command has ended."""
+        """The last reply of each agent whose command has ended."""
 
     @property
     def finished(self) -> bool:
@@ -108,14 +108,14 @@ class Dispatch:
         return tuple(entry.command for entry in self._open.values())
 
     def forget(self, command: DeviceCommand) -> None:
-        """Stop following `command`, because its device has another command."""
+        """Stop following `command`, because its device was sent another one."""
         self._open.pop(command.command_id, None)
 
     def advance(self, tick: int, replies: Iterable[CommandReply]) -> Iterator[CommandReply]:
         """Process the replies of `tick`; yield the new ones for this plan, time-outs included.
 
-        A repeated answer, or one that a later answer overtook, still shows that the device is
-        alive.
+        A reply that is repeated, or older than the last one, is not yielded, but still shows that
+        the device responds.
         """
         for reply in replies:
             entry = self._open.get(reply.command_id)
@@ -137,9 +137,9 @@ class Dispatch:
     def resends(self, tick: int) -> list[tuple[DeviceCommand, int]]:
         """Return the commands to resend at `tick`, each with its number of resends.
 
-        A command without any answer is due after RESEND_S, then at growing intervals. A command
-        whose device has fallen silent is due after ASK_AGAIN_S. A second call for the same tick
-        returns nothing.
+        A command without any reply is due after RESEND_S, then at growing intervals. A command
+        whose device has replied and then fallen silent is due after ASK_AGAIN_S. A second call for
+        the same tick returns an empty list.
         """
         due: list[tuple[DeviceCommand, int]] = []
         for entry in self._open.values():

@@ -9,13 +9,13 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import World
 
 UNFINISHED: frozenset[MissionStatus] = frozenset(("held", "unverified", "failed", "refused"))
-"""The statuses with which a mission awaits its assets: it is not verified, and no operator has
-ended it."""
+"""The final statuses of missions that may await assets: not verified, and not ended by an
+operator."""
 
 
 @dataclass(frozen=True)
 class AwaitingMission:
-    """A mission that ended without its result, and the assets that it awaits."""
+    """A mission that ended unfinished, and the assets that it awaits."""
 
     mission: Mission
     assets: frozenset[str]
@@ -27,35 +27,35 @@ class ManualControl:
     def __init__(self, world: World) -> None:
         self._world = world
         self.taken: dict[str, str] = {}
-        """The person who took manual control at this station, by asset."""
+        """The assets whose manual control was taken at this station, each with the person."""
         self._reported: frozenset[str] = frozenset()
         self._awaiting: dict[str, AwaitingMission] = {}
 
     @property
     def assets(self) -> frozenset[str]:
-        """The assets under manual control, as taken by an operator or reported by the asset."""
+        """The assets under manual control, taken by an operator or reported by the assets."""
         return self._reported.union(self.taken)
 
     def refusal(self, asset: str) -> str:
-        """Return why `asset` cannot have a command; '' if it is not under manual control."""
+        """Return why no command may be sent to `asset`; '' if it is not under manual control."""
         if asset in self.taken:
             return f"{asset} is under manual control, taken by {self.taken[asset]}"
         return f"{asset} reports manual control" if asset in self._reported else ""
 
     def take(self, asset: str, by: str) -> None:
-        """Record that `by` has taken `asset`; ValueError if it is unknown or already taken."""
+        """Record that `by` took `asset`; raises ValueError if it is unknown or already taken."""
         if problem := self.objection(asset, take=True):
             raise ValueError(problem)
         self.taken[asset] = by
 
     def end(self, asset: str) -> None:
-        """Record the return of `asset`; raises ValueError if it was not taken here."""
+        """Record the end of control of `asset`; raises ValueError if it was not taken here."""
         if problem := self.objection(asset, take=False):
             raise ValueError(problem)
         del self.taken[asset]
 
     def objection(self, asset: str, *, take: bool) -> str:
-        """Return why `asset` cannot be taken, or returned; '' if it can."""
+        """Return why manual control of `asset` cannot be taken, or ended; '' if it can."""
         if asset not in self._world.assets:
             return f"there is no asset {asset!r}; known: {', '.join(self._world.assets)}"
         if take:
@@ -79,10 +79,10 @@ class ManualControl:
     def awaits(
         self, mission: Mission, status: MissionStatus, agents: Collection[str]
     ) -> tuple[str, ...]:
-        """Record an ended mission that needs assets under manual control; return those assets.
+        """Record an ended mission if it needs assets under manual control; return these assets.
 
         A mission needs the `agents` that its plan ordered and the assets that its text names.
-        Alarms and standing orders start their missions again themselves.
+        Missions of alarms and standing orders are not recorded, because these start them again.
         """
         is_order = mission.source in ("operator", "agent")
         if status not in UNFINISHED or not is_order or not self.assets:
@@ -93,12 +93,12 @@ class ManualControl:
         return tuple(sorted(needed))
 
     def take_up(self, awaiting: Iterable[tuple[Mission, Collection[str]]]) -> None:
-        """Continue with the missions that awaited assets when a session ended."""
+        """Record the missions that awaited assets at the end of the session that is continued."""
         for mission, assets in awaiting:
             self._awaiting[mission.id] = AwaitingMission(mission, frozenset(assets))
 
     def come_back(self) -> list[AwaitingMission]:
-        """Remove and return the missions whose assets are all back, the first that ended first."""
+        """Remove and return the missions that await no asset any more, first ended first."""
         back = [mission for mission in self._awaiting.values() if not mission.assets & self.assets]
         for mission in back:
             del self._awaiting[mission.mission.id]

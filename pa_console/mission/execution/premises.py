@@ -1,4 +1,4 @@
-"""The premises of a running plan, and the safe way to stop it if one breaks (WF-01)."""
+"""The premises of a running plan, and the safe way to stop it if a premise breaks (WF-01)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -45,9 +45,10 @@ class Premises:
                 yield f"{agent} {why} on its way"
 
     def _lost_gates(self, picture: Picture) -> Iterator[str]:
-        """Yield the gates without known cover for longer than the rehearsal and the world allow.
+        """Yield the gates that have been without known cover for longer than allowed.
 
-        A gate that had no cover when the plan was approved cannot lose it.
+        The limit is the longest gap in the rehearsal plus the world's limit for a lost link. A gate
+        that was uncovered when the plan was approved is not yielded.
         """
         for gate in self.gates:
             cover, was = picture.gates[gate], self.before.gates[gate]
@@ -84,7 +85,7 @@ class Premises:
                 yield f"{track.id} at {track.gate} is {track.identity}, intent {track.intent}"
 
     def _waits_for_nobody_else(self, track: Track, picture: Picture) -> bool:
-        """Return whether a block of the track's gate would be directed at this track (ROE-02).
+        """Return whether a planned block of the track's gate would be directed at it (ROE-02).
 
         A block that was planned for an empty gate must not meet a later arrival, whose identity is
         unknown. If a warned threat is already there, the block is directed at that threat.
@@ -96,7 +97,7 @@ class Premises:
     def _would_be_warned_unknown(self, track: Track, picture: Picture) -> bool:
         """Return whether a warning at its gate would address this unidentified track (WF-01).
 
-        If an identified track there has yet to be warned, the warning is for that one.
+        If an identified track at the gate has yet to be warned, the warning is for that track.
         """
         if track.identity != "unknown" or track.status == "leaving":
             return False
@@ -105,9 +106,9 @@ class Premises:
 
 
 def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, ...]:
-    """Return the command of each agent if `plan` is halted: back to its gate, or hold.
+    """Return the command that each agent gets if `plan` is halted: back to its gate, or hold.
 
-    An agent that covers a gate in `picture`, and is sent away from it, goes back there.
+    An agent goes back to a gate if it covers the gate in `picture` and is sent away from it.
     """
     return tuple(
         Action(agent=action.agent, command=f"move_to {home}" if home else "hold")
@@ -117,9 +118,9 @@ def way_to_safety(plan: Plan, world: World, picture: Picture) -> tuple[Action, .
 
 
 def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple[Action, ...]:
-    """Return the way to safety of each action of a plan in steps, in the order of its actions.
+    """Return the way to safety for each action of a plan in steps, in the order of the actions.
 
-    `before` has the picture at the start of each rehearsed step; agents of steps that were not
+    `before` has the picture at the start of each rehearsed step. The agents of steps that were not
     rehearsed hold.
     """
     to_safety = [Action(agent=action.agent, command="hold") for action in plan.actions]
@@ -133,7 +134,7 @@ def ways_to_safety(plan: Plan, world: World, before: Sequence[Picture]) -> tuple
 def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> str:
     """Return the gate that the agent of `action` leaves; '' if it leaves none.
 
-    If it covers several gates, one that no asset outside the plan covers is preferred.
+    If the agent leaves several gates, one that only the plan's agents cover is preferred.
     """
     goal = goes_to(action, world)
     left = [gate for gate, cover in picture.gates.items() if action.agent in cover.by]
@@ -146,11 +147,11 @@ def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> st
 def safe_state(
     declared: Sequence[Action], picture: Picture, open_agents: Sequence[str], prefix: str
 ) -> tuple[DeviceCommand, ...]:
-    """Return the commands that stop a plan: the due part of the `declared` way to safety.
+    """Return the commands that bring a halted plan's agents to safety, as `declared` with it.
 
-    Only agents that are still under way and reachable get a command. An agent that is to return to
-    its gate does so unless a staying asset is known to cover that gate, even if the delayed picture
-    still shows the agent there. All others hold where they are.
+    Only available agents that are still under way get a command. An agent that is to return to its
+    gate holds instead if an asset that is not under way covers that gate. The agent's own cover
+    does not count, because the picture may be late and still show it at the gate.
     """
     actions: list[Action] = []
     for action in declared:
@@ -163,10 +164,9 @@ def safe_state(
 
 
 def why_lost(asset: AssetTelemetry, picture: Picture) -> str:
-    """Return why `asset` is no longer available to the plan; '' if it is.
+    """Return why `asset` is no longer available to the plan; '' if it still is.
 
-    A report that is only late is not a reason; otherwise, every plan on a lossy link would be
-    halted.
+    A late report is not a reason, because it would halt every plan on a lossy link.
     """
     if asset.status == "failed":
         return "failed"

@@ -1,1 +1,1 @@
-"""Standing orders: those that wait for a state of the picture, and those that wait for a time."""
+"""Standing orders, which wait for a state of the picture or for a time."""

@@ -1,8 +1,8 @@
-"""The moments of timed orders: next, due, late, missed and skipped ones, and the return of assets.
+"""The moments at which timed orders start missions, and the later return of their assets.
 
-Every moment of an order is processed once, in turn, and leads to a mission or to a reason why none
-starts. A clock that is set back repeats nothing. After a jump of the clock, or a sleep of the
-machine, a mission starts late only within the grace period, and an event reports the delay.
+Every moment of an order is processed once, in turn. It starts a mission, or yields a reason why
+none starts. If the clock is set back, no moment is repeated. After a jump of the clock, or a sleep
+of the machine, a mission starts late only within the grace period, and an event reports the delay.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -24,8 +24,8 @@ STOPPED = "everything is stopped"
 class TimingLimits:
     """The limits of timed orders and patrols.
 
-    `grace_s` is the longest delay, in seconds, with which a mission may start; `shortest_s` is the
-    shortest interval, in seconds.
+    `grace_s` is the longest delay with which a mission may start, and `shortest_s` the shortest
+    interval between two moments, both in seconds.
     """
 
     grace_s: float = 60.0
@@ -40,8 +40,9 @@ def _wall() -> datetime:
 class StationTime:
     """The station's clock for timed orders.
 
-    It is the wall clock in the machine's time zone. A simulation that runs faster moves it ahead by
-    the time gained. A simulation that advances only on request moves it by simulated seconds alone.
+    It is the wall clock in the machine's time zone. If a simulation runs faster than real time, the
+    clock moves ahead by the time gained. If a simulation advances only on request, the clock
+    follows the simulated seconds alone.
     """
 
     def __init__(self, wall: Callable[[], datetime] = _wall) -> None:
@@ -75,7 +76,7 @@ class StationTime:
 
 @dataclass(frozen=True)
 class MomentResult:
-    """The result of a moment: the order to start and its delay, or the reason why none starts."""
+    """The result of a moment: the order to start and its delay, or why no mission starts."""
 
     order: str = ""
     late_s: float = 0.0
@@ -89,19 +90,19 @@ class Agenda:
     order: StandingOrder
     paused: bool = False
     _number: int = 0
-    """The number of moments that have been taken."""
+    """The number of moments that have been processed."""
     _back_at: datetime | None = None
     _back: str = ""
     _open: set[str] = field(default_factory=set[str])
     """The order's missions that are not over."""
     _returned: bool = False
-    """True once it has been decided whether the assets that it sent return."""
+    """True once the return of the assets that the order sent has been decided."""
     _starting: bool = False
-    """True from a moment that is due until its mission is known."""
+    """True from a moment that starts a mission until that mission is recorded."""
 
     @property
     def next(self) -> datetime | None:
-        """The next moment at which a mission starts; None if there is none."""
+        """The next moment at which a mission starts; None if no moment is left."""
         schedule = self.order.schedule
         moment = schedule.moment(self._number) if schedule is not None else None
         both = [at for at in (moment, self._back_at) if at is not None]
@@ -113,14 +114,14 @@ class Agenda:
         return self.next is None and not self._open and not self._starting
 
     def begin(self, now: datetime) -> None:
-        """Set the start to `now`, when the order is approved, if it is to begin at once."""
+        """Set the first moment to `now`, the time of approval, if the order is to begin at once."""
         schedule = self.order.schedule
         if schedule is not None and schedule.at_once:
             begins = schedule.model_copy(update={"start": now})
             self.order = self.order.model_copy(update={"schedule": begins})
 
     def too_late(self, now: datetime, grace_s: float) -> bool:
-        """Return whether no moment is left that could start a mission."""
+        """Return whether it is too late for every moment of the order."""
         schedule, number = self.order.schedule, self._number
         if schedule is None or schedule.at_once:
             return False
@@ -130,7 +131,7 @@ class Agenda:
         return at is None or at < now - timedelta(seconds=grace_s)
 
     def skip(self) -> datetime:
-        """Skip the next moment and return it; raises ValueError if there is none to skip."""
+        """Skip the next moment and return it; raises ValueError if it cannot be skipped."""
         at = self.next
         if at is None:
             raise ValueError(f"{self.order.id} has no moment left to skip")
@@ -179,12 +180,12 @@ class Agenda:
         return MomentResult(order, late_s)
 
     def started(self, mission: str) -> None:
-        """Record the mission that a moment has started."""
+        """Record the mission that the last moment started."""
         self._open.add(mission)
         self._starting = False
 
     def ended(self, mission: str, moves: Sequence[Move], base: str, now: datetime) -> str:
-        """Record the end of a mission that made `moves`; return why no asset returns, or ''."""
+        """Record the end of a mission and its `moves`; return why no asset will return, or ''."""
         self._open.discard(mission)
         schedule = self.order.schedule
         if schedule is None or not schedule.stays or self._back_at is not None or self._returned:
@@ -198,7 +199,10 @@ class Agenda:
 
 
 def way_back(moves: Sequence[Move], base: str, *, to_base: bool = False) -> str:
-    """Return the order that brings moved assets back to their previous places; '' for none."""
+    """Return the order that sends moved assets back to their previous places or to the base.
+
+    Returns '' if no asset has moved.
+    """
     homes: dict[str, list[str]] = {}
     for agent, before in {move.agent: move.before for move in reversed(moves)}.items():
         went = {move.target for move in moves if move.agent == agent and move.verb not in STILL}

@@ -1,15 +1,15 @@
-"""The standing orders in force: when each starts a mission, and when it must not.
+"""The standing orders in force, and the missions that they start.
 
 An order waits for a state of the picture, or for a moment of the clock (`agenda`). An order that
-waits for a state starts a mission for an occurrence: its condition begins to hold for a subject,
-and has held for SETTLE_S. An occurrence is over once the condition has not held for REST_S; only
-then can there be another for the same subject.
+waits for a state starts one mission for each occurrence. An occurrence begins when the order's
+condition begins to hold for a subject, and counts once it has held for SETTLE_S. It is over once
+the condition has not held for REST_S; only then can the same subject have another occurrence.
 
-One occurrence starts one mission. It starts another if the first one failed, RETRY_S after its end.
-While another mission deals with the subject, or the order has reached its limit of starts per hour,
-an occurrence waits. Nothing is started by an effect of the orders themselves, or while everything
-is stopped. All times except moments are simulated seconds. Conditions are
-evaluated on the picture alone.
+If the mission fails, the order starts another one RETRY_S after its end. An occurrence waits while
+another mission deals with its subject, and while the order has reached its limit of starts per
+hour. No mission is started for a change that a standing order's own mission has caused, or while
+everything is stopped. All times except moments are simulated seconds. Conditions are evaluated on
+the picture alone.
 """
 
 from collections import deque
@@ -29,13 +29,12 @@ from pa_console.schema.text import count
 SETTLE_S = 1.0
 """The time that a condition must hold, in seconds; a shorter change is noise."""
 REST_S = 30.0
-"""The time after which an occurrence is over, if its condition has not held meanwhile, in
-seconds."""
+"""The time without its condition after which an occurrence is over, in seconds."""
 RETRY_S = 300.0
 """The time from the end of a mission that failed until its order tries again, in seconds."""
 HOUR_S = 3600.0
 AGAIN_S = 2.0
-"""The error of an order's countdown, in seconds, at which its next moment is emitted again."""
+"""The error of the countdown to a moment at which that moment is emitted again, in seconds."""
 MOST_ORDERS = 20
 """The largest number of standing orders in force."""
 
@@ -68,23 +67,23 @@ class Ended:
 
 
 StandingResult = Due | Withheld | Ended | StandingOrderScheduled
-"""The results of `StandingOrders.look`, for the station to act on and to emit."""
+"""A result of `StandingOrders.look`, on which the station acts and which it emits."""
 
 
 @dataclass
 class _Occurrence:
-    """The times at which the condition of an occurrence began to hold and last held."""
+    """An occurrence: the times at which its condition began to hold and was last seen to hold."""
 
     since_s: float
     seen_s: float
     handled: bool = False
     """True if a mission has been started, or none will be."""
     effect_of: str = ""
-    """The mission of a standing order that caused the occurrence; '' for none."""
+    """The standing order's mission that caused the occurrence; '' if none did."""
     withheld: str = ""
-    """The reason why its mission has to wait, as last returned; '' for none."""
+    """The last reason why its mission has to wait; '' if it need not wait."""
     mission: str = ""
-    """The last mission that was started for it; '' for none."""
+    """The last mission that was started for it; '' if none was."""
     not_before_s: float = 0.0
     """The earliest time of its next mission."""
 
@@ -106,11 +105,11 @@ class _InForce:
     trigger: Trigger
     paused: bool = False
     emitted: StandingOrderScheduled | None = None
-    """Its next moment, as last emitted."""
+    """The last event with its next moment; None before the first."""
     occurrences: dict[str, _Occurrence] = field(default_factory=dict[str, _Occurrence])
     starts_s: deque[float] = field(default_factory=deque[float])
     problem: str = ""
-    """The reason why the last evaluation of its condition failed; '' if it succeeded."""
+    """The error of the last evaluation of its condition; '' if there was none."""
 
     @property
     def order(self) -> StandingOrder:
@@ -129,7 +128,7 @@ class _Own:
 
 
 class StandingOrders:
-    """The standing orders in force in one session; each was approved by an operator."""
+    """The standing orders in force in one session, each approved by an operator."""
 
     def __init__(self, time: StationTime | None = None) -> None:
         self.time, self.limits = time or StationTime(), TimingLimits()
@@ -145,7 +144,7 @@ class StandingOrders:
         return f"S{self._count}"
 
     def skip_ids(self, used: Iterable[str]) -> None:
-        """Exclude these ids from new orders, because they were used earlier in the session."""
+        """Avoid ids that were used earlier in the session for new orders."""
         self._count = max([self._count, *(int(name.removeprefix("S")) for name in used)])
 
     @property
@@ -154,12 +153,12 @@ class StandingOrders:
         return tuple(entry.order for entry in self._in_force.values())
 
     def find(self, order_id: str) -> StandingOrder | None:
-        """Return the order with that id; None if it is not in force."""
+        """Return the order in force with the id `order_id`; None if there is none."""
         entry = self._in_force.get(order_id)
         return entry.order if entry is not None else None
 
     def banned_by(self, agent: str, goal: str) -> StandingOrder | None:
-        """Return the order in force that bans sending `agent` to `goal`; None if none does."""
+        """Return an order in force that bans sending `agent` to `goal`; None if no order does."""
         for entry in self._in_force.values():
             ban = entry.order.ban
             if ban is not None and not entry.paused and ban.forbids(agent, goal or None):
@@ -180,7 +179,7 @@ class StandingOrders:
         return f"{existing} says the same and is in force" if (existing := next(same, "")) else ""
 
     def approve(self, trigger: Trigger) -> StandingOrder:
-        """Put an approved order in force and return it; raises ValueError if it cannot be."""
+        """Put an approved order in force and return it; raises ValueError if that is impossible."""
         order = trigger.order
         if problem := self.refusal(order):
             raise ValueError(problem)
@@ -215,7 +214,10 @@ class StandingOrders:
     def scheduled(
         self, order_id: str, change: Literal["paused", "resumed", "skipped"], by: str, time_s: float
     ) -> StandingOrderScheduled:
-        """Return the next moment of an order that `by` has changed at `time_s` of the fleet."""
+        """Return the event for a `change` that `by` made to an order, with the next moment.
+
+        `time_s` is the present time on the fleet's clock.
+        """
         entry = self._entry(order_id)
         entry.emitted = self._following(entry, time_s)
         return entry.emitted.model_copy(update={"change": change, "by": by})
@@ -226,17 +228,16 @@ class StandingOrders:
             raise ValueError(f"no standing order {order_id!r} is in force; in force: {in_force}")
         return self._in_force[order_id]
 
-    # The missions that they start
+    # The missions that the orders start
 
     def look(
         self, picture: Picture, busy: Collection[str] = (), *, stopped: bool = False
     ) -> list[StandingResult]:
-        """Process a new picture; return the missions to start and those withheld, with the reasons.
+        """Process a new picture; return the missions to start, and why others are not started.
 
-        Each mission that is returned counts as started. No mission starts about a subject in
-        `busy`, because another mission about it waits or is under way. Occurrences that begin while
-        everything is `stopped` are recorded as handled, so that they start nothing after the stop
-        either.
+        Each mission that is returned counts as started. No mission starts for a subject in `busy`,
+        because another mission about that subject waits or is under way. Occurrences that begin
+        while everything is `stopped` count as handled, so they start no mission after the stop.
         """
         self._forget(picture.time_s)
         results: list[StandingResult] = []
@@ -250,7 +251,7 @@ class StandingOrders:
             taken = {*busy, *(result.subject for result in results if isinstance(result, Due))}
             try:
                 holding = condition.holding(picture)
-            except Exception as error:  # any error of CEL: nothing is decided
+            except Exception as error:  # CEL failed, so nothing is decided
                 results += self._undecided(entry, f"{type(error).__name__}: {error}")
                 continue
             entry.problem = ""
@@ -283,7 +284,7 @@ class StandingOrders:
             yield following
 
     def _following(self, entry: _InForce, time_s: float) -> StandingOrderScheduled:
-        """Return the event with an order's next moment, which is None if it waits for a state."""
+        """Return the event with an order's next moment; None if the order waits for a state."""
         at = entry.trigger.next if isinstance(entry.trigger, Agenda) else None
         ahead_s = (at - self.time.now).total_seconds() if at is not None else 0.0
         return StandingOrderScheduled(
@@ -307,9 +308,9 @@ class StandingOrders:
         return own.order if own is not None else ""
 
     def moves(self, mission: str, names: Collection[str], moves: Sequence[Move] = ()) -> None:
-        """Record the assets and places of `mission`, so that changes there count as its own effect.
+        """Record that `mission` affects `names`, so that changes of them count as its own effect.
 
-        Its `moves` have the previous places of its assets.
+        `names` are its assets and places; `moves` have the previous places of the assets.
         """
         own = self._own.get(mission)
         if own is not None:
@@ -319,10 +320,10 @@ class StandingOrders:
     def ended(
         self, mission: str, time_s: float, base: str = "", *, failed: bool = False
     ) -> tuple[StandingOrder, str] | None:
-        """Record the end of `mission`; return the order that started it, and a remark.
+        """Record the end of `mission`; return its standing order and why no asset returns, or ''.
 
         If the mission has `failed` and its occurrence is not over after RETRY_S, the order starts
-        another. Returns None if no order in force started the mission.
+        another. Returns None if the mission was started by no order that is in force.
         """
         own = self._own.get(mission)
         if own is None or own.ended_s is not None:
@@ -418,7 +419,7 @@ class StandingOrders:
         return ""
 
     def _cause(self, subject: str) -> str:
-        """Return a standing order's mission that moves, or just moved, `subject`; '' for none."""
+        """Return a standing order's recent mission that affects `subject`; '' if there is none."""
         return next((name for name, own in self._own.items() if subject in own.moved), "")
 
     def _undecided(self, entry: _InForce, problem: str) -> Sequence[Withheld]:
@@ -428,7 +429,7 @@ class StandingOrders:
         return (Withheld(entry.order, "", f"its condition cannot be looked up: {problem}"),)
 
     def _forget(self, now_s: float) -> None:
-        """Forget the missions that ended so long ago that nothing can be their effect."""
+        """Forget the missions that ended too long ago to cause a present change."""
         for name, own in list(self._own.items()):
             if own.ended_s is not None and now_s - own.ended_s >= REST_S:
                 del self._own[name]
@@ -445,7 +446,7 @@ def start_for(order: StandingOrder, subject: str, picture: Picture) -> StandingS
 
 
 def example_subject(order: StandingOrder, picture: Picture) -> tuple[str, str]:
-    """Return an example subject of `order` and its gate, in the words of an order."""
+    """Return an example subject of `order` and a gate, both as an order names them."""
     gate = next(iter(picture.gates), "")
     match order.each:
         case "gate":
@@ -472,7 +473,7 @@ def starts_now(condition: StandingCondition, picture: Picture) -> tuple[Standing
 
 
 def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
-    """Return the gate of a subject; '' for none."""
+    """Return the gate of a subject; '' if it has none."""
     if order.each == "gate":
         return subject
     if order.each == "track":
@@ -483,7 +484,7 @@ def _gate(order: StandingOrder, subject: str, picture: Picture) -> str:
 
 
 def _apart(emitted_s: float | None, at_s: float | None) -> bool:
-    """Return whether a countdown is wrong, because the clock has jumped."""
+    """Return whether an emitted countdown has become wrong because the clock jumped."""
     return emitted_s is not None and at_s is not None and abs(emitted_s - at_s) >= AGAIN_S
 
 

@@ -1,1 +1,1 @@
-"""Planning: the planner's prompt, the commands that serve an order, and how a plan fulfils it."""
+"""Planning: the planner's prompt, commands for a reading, and a plan's match with a reading."""

@@ -1,8 +1,8 @@
-"""The further commands of a plan: gates stay covered, and unknown tracks are observed.
+"""Commands added to a plan so that gates stay covered and unknown tracks are observed.
 
-An asset that leaves a gate as its last guard is replaced (WF-03), and leaves after its replacement
-has arrived if the gap would be too long. A ground asset goes to an unknown track only if a drone
-observes it (WF-02).
+If the last guard leaves a gate, another asset replaces it (WF-03); if the gap would be too long, the
+guard leaves only after that. If a ground asset goes to an unknown track, a drone observes that
+track (WF-02).
 """
 
 import math
@@ -18,24 +18,24 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import AssetKind, World
 
 _MOST_RELIEFS = 3
-"""The number of candidates that are tried for the takeover of one gate, the soonest first."""
+"""The number of candidates that are tried for each place that needs an asset."""
 _DETOUR = 1.2
-"""The assumed length of a way, as a multiple of the straight one."""
+"""The assumed length of a way, as a multiple of the straight distance."""
 
 Moves = Mapping[str, str]
-"""Destinations by agent, each the name of a frame."""
+"""The destination of each agent, as the name of a frame."""
 Commands = tuple[tuple[str, str], ...]
-"""Agents with their commands."""
+"""Pairs of an agent and its command."""
 
 
 @dataclass(frozen=True)
 class StandingAssets(PlanMoves):
-    """The posts of all assets before a plan; `named` are the assets that the order names."""
+    """The assets before a plan; those `named` in the order are not free for other tasks."""
 
     named: frozenset[str] = frozenset()
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
-        """Return the assets that could be sent, of `kind` if given, but not the named assets."""
+        """Return the unnamed assets that could be sent, of `kind` if given."""
         return [name for name in super().free(kind) if name not in self.named]
 
     def near(self, place: str, kind: AssetKind) -> tuple[str, ...]:
@@ -44,18 +44,18 @@ class StandingAssets(PlanMoves):
         return tuple(dict.fromkeys((*there, *self.free(kind))))
 
     def fit(self, ask: Ask) -> list[str]:
-        """Return the assets that `ask` names and that can do their part of it."""
+        """Return those of the assets named in `ask` that can do their part of it."""
         return [n for n in ask.who.names if not unfit(n, ask, self.world, self.before)]
 
 
 def backfill_commands(
     stands: StandingAssets, goals: Moves, *, others_stay: bool, late: bool
 ) -> Iterator[Commands]:
-    """Yield the further commands that keep gates covered and unknown tracks observed, best first.
+    """Yield added commands that keep gates covered and unknown tracks observed, best first.
 
-    With `late`, the asset that arrives first may take over a gate even after its grace time.
-    Nothing is yielded if that is impossible, or if it would need assets that the order keeps in
-    place.
+    With `late`, an asset may take over a gate even if it arrives after the grace time. Nothing is
+    yielded if no asset can do this, or if commands are needed but the other assets have to stay
+    (`others_stay`).
     """
     needs = [*_bare(stands, goals, late=late), *_unseen(stands, goals)]
     if not needs:
@@ -82,7 +82,7 @@ def _came(
 def _helpers(
     stands: StandingAssets, goals: Moves, place: str, *, late: bool
 ) -> tuple[str, list[str]]:
-    """Return the command for an asset to go to `place`, and the candidates for it."""
+    """Return the command that sends an asset to `place`, and the candidates for the command."""
     spare = [n for n in stands.free() if n not in goals and not _is_last(stands, n, goals)]
     if _is_unseen(stands, goals, place):
         return f"observe {place}", [name for name in spare if stands.kind(name) == "uav"]
@@ -91,7 +91,7 @@ def _helpers(
 
 
 def _bare(stands: StandingAssets, goals: Moves, *, late: bool) -> Iterator[str]:
-    """Yield each gate that all its guards leave and that no asset reaches in time."""
+    """Yield each gate that all its guards leave and that no other asset reaches in time."""
     for gate in stands.world.gates:
         guards = stands.guards(gate)
         if not guards or any(goals.get(name, gate) == gate for name in guards):
@@ -102,7 +102,7 @@ def _bare(stands: StandingAssets, goals: Moves, *, late: bool) -> Iterator[str]:
 
 
 def _unseen(stands: StandingAssets, goals: Moves) -> Iterator[str]:
-    """Yield each place to which only ground assets go although an unobserved track is there."""
+    """Yield each place with an unobserved track to which only ground assets go."""
     yield from (p for p in dict.fromkeys(goals.values()) if _is_unseen(stands, goals, p))
 
 
@@ -141,7 +141,7 @@ def in_turn(plan: Plan, before: Picture, world: World) -> Plan | None:
 
 
 def bare_s(stands: StandingAssets, goals: Moves) -> float:
-    """Return the total time that deserted gates wait for a new guard, in seconds."""
+    """Return the total time, in seconds, for which gates without guards wait for a new guard."""
     left = (
         [_way_s(stands, name, gate) for name, goal in goals.items() if goal == gate]
         for gate in stands.world.gates
@@ -151,7 +151,7 @@ def bare_s(stands: StandingAssets, goals: Moves) -> float:
 
 
 def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iterator[str]:
-    """Yield `names` without the last guard of each gate, who stays (WF-03), except at `place`."""
+    """Yield `names`, but not the last guard of any gate except `place`: it stays (WF-03)."""
     left = {gate: [*stands.guards(gate)] for gate in stands.world.gates if gate != place}
     for name in names:
         gate = stands.post(name)
@@ -162,18 +162,18 @@ def but_guards(stands: StandingAssets, names: Sequence[str], place: str) -> Iter
 
 
 def _is_last(stands: StandingAssets, name: str, goals: Moves) -> bool:
-    """Return whether all other guards of the gate that `name` covers leave it."""
+    """Return whether `name` covers a gate that all its other guards leave."""
     gate = stands.post(name)
     guards = stands.guards(gate)
     return name in guards and all(goals.get(g, gate) != gate for g in guards if g != name)
 
 
 def _is_in_time(stands: StandingAssets, name: str, gate: str) -> bool:
-    """Return whether an asset can reach `gate` within the grace time, with a detour."""
+    """Return whether an asset can reach `gate` within the grace time, even with a detour."""
     return _DETOUR * _way_s(stands, name, gate) <= stands.world.coverage_grace_s
 
 
 def _way_s(stands: StandingAssets, name: str, gate: str) -> float:
-    """Return the least time that an asset needs to reach a gate, in seconds."""
+    """Return the shortest time in which an asset can reach a gate, in seconds."""
     way = math.dist(stands.before.assets[name].position, stands.world.frames[gate].at)
     return way / stands.world.platforms[stands.kind(name)].speed_mps

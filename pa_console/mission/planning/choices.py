@@ -1,9 +1,9 @@
-"""The commands of plans that serve an order, and the candidate agents for each command.
+"""The commands of plans for a reading, and the candidate agents for each command.
 
-Observation from the air comes first, then identification, then a warning, then a block of a contact
-that is hostile and was warned; noncombatants are only watched (ROE-08). The workflow continues by
-itself later. This module is the counterpart of `fulfilment.py`: that one compares a plan with a
-reading, and this one makes commands from a reading.
+A contact is first observed from the air, then identified, then warned. It is blocked only if it is
+hostile and was warned. Noncombatants are only watched (ROE-08). A plan has only the steps that are
+due now; the workflow adds the others later. This module makes commands from a reading, and
+`fulfilment.py` compares a plan with a reading.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -35,24 +35,24 @@ _NOTHING = Plan(reason="nothing yet", actions=())
 _TRIED = 100
 """The number of assignments of agents that are tried for one part of an order."""
 _WAYS = 12
-"""The number of assignments, with every gate covered, that the model may choose from."""
+"""The number of assignments that keep every gate covered, among which the model chooses."""
 _PARTS = 40
-"""The number of parts of an order that are tried, the largest first."""
+"""The number of parts of an order that are tried, largest first."""
 
 
 Way = tuple[Action, ...]
 
 
 class NotInPictureError(Exception):
-    """The plan for an ask depends on facts that the picture does not show."""
+    """An error: the plan for an ask depends on facts that the picture does not show."""
 
 
 class CommandUnit(NamedTuple):
-    """Commands that serve a part of an order, and are given together or not at all."""
+    """Commands for a part of an order that are given together or not at all."""
 
     slots: tuple[CommandSlot, ...]
     ahead: bool = False
-    """True for an observation of a place without a known contact, which is given up first."""
+    """True for the observation of a place without a known contact; such units are dropped first."""
 
 
 def units_of_one(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
@@ -61,18 +61,18 @@ def units_of_one(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
 
 
 def one_unit(slots: Iterable[CommandSlot]) -> Iterator[CommandUnit]:
-    """Yield one unit of all slots, if there are any."""
+    """Yield all slots as one unit, if there are any slots."""
     if every := tuple(slots):
         yield CommandUnit(every)
 
 
 def identify_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the identification of a contact; a drone observes it first if none has (WF-02)."""
+    """Yield the identification of a contact; a drone first observes an unobserved one (WF-02)."""
     yield _only_looked_at(stands, ask.place) or _identified(stands, ask)
 
 
 def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the next command for a contact; a drone observes if no contact is known."""
+    """Yield the next command for a contact; without a known contact, a drone observes the place."""
     tracks = stands.tracks(ask.place)
     if look := _only_looked_at(stands, ask.place):
         yield look
@@ -86,7 +86,7 @@ def encounter_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def block_units(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield the block of a lane, or the next command for tracks there that come first (WF-01)."""
+    """Yield the block of a lane, or what must come before it for the tracks there (WF-01)."""
     if all(map(_may_block, stands.tracks(ask.place))):
         if ask.who.names:
             yield from (
@@ -115,7 +115,7 @@ def _identified(stands: StandingAssets, ask: Ask) -> CommandUnit:
 
 
 def _only_looked_at(stands: StandingAssets, place: str) -> CommandUnit | None:
-    """Return the observation that suffices without a known contact, or with noncombatants."""
+    """Return an observation if no contact is known or noncombatants are suspected, else None."""
     tracks = stands.tracks(place)
     if tracks and not any(track.noncombatants for track in tracks):
         return None
@@ -128,12 +128,12 @@ def _look(stands: StandingAssets, place: str) -> tuple[CommandSlot, ...]:
 
 
 def _robots(stands: StandingAssets, ask: Ask) -> tuple[str, ...]:
-    """Return the candidate robots for an encounter: those that `ask` names, or any."""
+    """Return the candidate robots for an encounter: those named in `ask`, or else any."""
     return tuple(stands.fit(ask)) or stands.near(ask.place, "robot")
 
 
 def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
-    """Return the commands that serve `ask`; empty if no asset has to act, or none can.
+    """Return the commands that serve `ask`; empty if no asset has to act or no asset can.
 
     Raises NotInPictureError if the console cannot determine them.
     """
@@ -146,7 +146,8 @@ def units(stands: StandingAssets, ask: Ask) -> list[CommandUnit]:
 def _sent(stands: StandingAssets, ask: Ask, command: str, place: str) -> Iterator[CommandUnit]:
     """Yield `command` for the named assets, or for the requested number of available ones.
 
-    Named assets share one unit, except the only guard of a gate, because the gate may need it.
+    Named assets share one unit. A named asset that is the only guard of a gate has its own unit,
+    because it may have to stay.
     """
     team = ask.who
     if team.names:
@@ -188,7 +189,7 @@ def _looked(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _taken_over(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield commands for leaving and arriving assets; none arrives if all candidates are there."""
+    """Yield the commands of a takeover: to the asset that leaves, and to those that arrive."""
     place = ask.place or (stands.post(ask.leaving) if ask.leaving else "")
     leaves: tuple[CommandSlot, ...] = ()
     if ask.task == "relieve" and stands.before.assets[ask.leaving].available:
@@ -213,7 +214,7 @@ def _guards(stands: StandingAssets, ask: Ask, place: str) -> list[str]:
 
 
 def _stand_there(stands: StandingAssets, ask: Ask, place: str) -> bool:
-    """Return whether a free asset that could guard a place is already there."""
+    """Return whether a free asset that could guard `place` is already at it."""
     free = (name for name in stands.free(ask.who.kind) if is_of(stands, name, ask))
     return any(stands.post(name) == place for name in free)
 
@@ -227,7 +228,7 @@ def _swapped(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
 
 
 def _stood_down(stands: StandingAssets, ask: Ask) -> Iterator[CommandUnit]:
-    """Yield commands to send all but one asset of a place home; one without low battery stays."""
+    """Yield commands that send all but one asset of a place home, those with low battery first."""
     assets = stands.before.assets
     there = [n for n, a in assets.items() if a.available and a.post == ask.place]
     stays = sorted(there, key=lambda n: assets[n].low_battery)[:1]
@@ -279,13 +280,13 @@ _SERVES: Mapping[Task, Callable[[StandingAssets, Ask], Iterator[CommandUnit]]] =
 def commands_serving(
     reading: Reading, world: World, picture: Picture
 ) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the commands of plans for `reading`, each with its possible agents, best first.
+    """Yield the commands of plans for `reading`, each with its candidate agents; best plan first.
 
-    Plans that do everything come first, then plans that do as much as possible: observations of
-    places without a known contact are dropped first, then the tasks asked last. For each part, the
-    model's choice comes before the console's own. Commands that cover a gate come first (WF-03).
-    The last plan, or the only one if nothing can be done, is a hold. Nothing is yielded if the
-    console has no plan for the order.
+    The first plans do everything that can be done; later ones drop some of it: first observations
+    of places without a known contact, then the tasks that were asked last. For each of these parts,
+    the plan whose agents the model chooses comes before the one with the console's choice. In a
+    plan, commands that cover a gate come first (WF-03). The last plan is a hold. Nothing is yielded
+    if the console cannot determine the commands.
     """
     reading = within_capability(reading, world)
     named = (n for ask in reading.asks for n in (*ask.who.names, ask.leaving) if n)
@@ -308,7 +309,7 @@ def commands_serving(
 
 
 def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
-    """Return the parts of `all_units` that are tried: all of them, then smaller parts."""
+    """Return the selections of `all_units` that are tried: all units, then fewer and fewer."""
     number = len(all_units)
     left_out = (
         sorted(
@@ -324,7 +325,7 @@ def _parts(all_units: Sequence[CommandUnit]) -> list[list[CommandUnit]]:
 
 
 def _chosen(ways: Sequence[Way]) -> Iterator[tuple[CommandSlot, ...]]:
-    """Yield the commands of the first of `ways`: with all possible agents, then with its own."""
+    """Yield the commands of the first of `ways`: with all candidates, then with its own agents."""
     first = ways[0]
     commands = [action.command for action in first]
     alike = [way for way in ways if [action.command for action in way] == commands]
@@ -342,9 +343,9 @@ def _ways(
     others_stay: bool,
     late: bool,
 ) -> Iterator[Way]:
-    """Yield plans in which each asset has at most one command and no gate is deserted.
+    """Yield plans in which each asset has at most one command and no gate stays uncovered.
 
-    The assets in `called` report if they have nothing else to do. With `late`, gates may wait for
+    The assets in `called` report if they have no other command. With `late`, gates may wait for
     their new guard.
     """
     for assigned in islice(_assignments(slots), _TRIED):
@@ -358,7 +359,7 @@ def _ways(
 
 
 def _goals(stands: StandingAssets, actions: Sequence[Action]) -> dict[str, str]:
-    """Return the place of each commanded asset after its command."""
+    """Return the place of each agent after its command."""
     ends = ((action.agent, goes_to(action, stands.world)) for action in actions)
     return {name: goal or stands.post(name) for name, goal in ends}
 
@@ -371,7 +372,7 @@ def _late_s(stands: StandingAssets, way: Way) -> float:
 def _assignments(
     slots: Sequence[CommandSlot], had: tuple[Action, ...] = ()
 ) -> Iterator[tuple[Action, ...]]:
-    """Yield the assignments of `slots` to distinct assets that begin with those in `had`."""
+    """Yield the assignments of `slots` to distinct assets that begin with the actions in `had`."""
     number = len(had)
     if number == len(slots):
         yield had

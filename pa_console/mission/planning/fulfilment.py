@@ -1,7 +1,8 @@
-"""The comparison of a plan with a reading: the plan should do all of it, and nothing else.
+"""The comparison of a plan with a reading: the plan should do all of it and nothing else.
 
-A model has read the order (`language/canonical/reading.py`). Parts that cannot be carried out do
-not count, nor do additions that the rules require: takeovers of gates, and a first observation.
+A model wrote the reading (`language/canonical/reading.py`). Parts that cannot be carried out may be
+missing, and the plan may have additions that the rules require: takeovers of gates and a first
+observation.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,7 +31,7 @@ _MEETS = ADDRESSING_TASKS | {"block", "respond"}
 
 
 def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
-    """Return the available assets that `ask` may want a report of, in the picture's order."""
+    """Return the available assets that may report for `ask`, in the picture's order."""
     team = ask.who
     return tuple(
         name
@@ -41,7 +42,7 @@ def reporters(ask: Ask, picture: Picture) -> tuple[str, ...]:
 
 
 def of_everyone(ask: Ask) -> bool:
-    """Return whether every asset of a place, of a kind, or of the whole team is to report."""
+    """Return whether `ask` requests reports of all assets at a place, of a kind, or of the team."""
     team = ask.who
     if ask.task != "report" or team.names:
         return False
@@ -49,7 +50,7 @@ def of_everyone(ask: Ask) -> bool:
 
 
 def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe each difference between the assets sent and those requested."""
+    """Describe each difference between the assets that are sent and those that were requested."""
     place, team = case.moves.world.base if ask.task == "home" else ask.place, ask.who
     yield from _absent(case, ask, place)
     there = [n for n, goal in case.moves.goals.items() if goal == place == case.moves.post(n)]
@@ -76,14 +77,14 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
-    """Return whether one more drone may go to the place of `ask` for another reason (WF-02)."""
+    """Return whether the plan may send another drone to the place of `ask`, to observe (WF-02)."""
     flies = ask.who.kind == "uav" and not case.others_stay
     besides = any(other.place == ask.place for other in case.due if other != ask)
     return flies and (besides or bool(case.moves.tracks(ask.place)))
 
 
 def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe each last guard that leaves its gate for `ask` although an asset is free."""
+    """Describe each sole guard that leaves its gate for `ask` although another asset is free."""
     if ask.who.names or ask.task not in ("go", "look", "cover", "relieve"):
         return
     moves, place = case.moves, post_of(case.moves, ask)
@@ -103,14 +104,14 @@ def _needless(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _is_left(moves: PlanMoves, name: str) -> bool:
-    """Return whether an asset is the guard that stays when all others leave a gate (WF-03)."""
+    """Return whether an asset stays at a gate that all its other guards leave (WF-03)."""
     guards = moves.guards(moves.post(name))
     others = [guard for guard in guards if guard != name]
     return name in guards and name not in moves.moved and all(o in moves.moved for o in others)
 
 
 def _absent(case: PlanForOrder, ask: Ask, place: str) -> Iterator[str]:
-    """Describe each named asset that is not sent, unless it is the only guard of a gate."""
+    """Describe each named asset that is not sent, unless it has to stay as a gate's only guard."""
     relief = case.spare(ask) and not case.others_stay
     for name in _fit(case, ask):
         if case.moves.ends(name) != place and (relief or name not in case.moves.alone):
@@ -129,7 +130,7 @@ def _looked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe the named assets that do not go to the track, or else the step that is left out."""
+    """Describe the named assets that do not go to the track, or else the missing step."""
     names = _fit(case, ask)
     if names and case.moves.tracks(ask.place):
         if all(name in case.moves.alone for name in names) and not case.spare(ask):
@@ -141,10 +142,10 @@ def _identified(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe the missing step at a place: to identify a contact, then to warn it (WF-01).
+    """Describe the missing step at a place: the identification of a contact or a warning (WF-01).
 
-    An unobserved contact is observed first, in the same plan (WF-02); noncombatants are only
-    watched (ROE-08).
+    An unobserved contact is observed in the same plan before it is identified (WF-02).
+    Noncombatants are only watched (ROE-08).
     """
     moves = case.moves
     tracks = [track for track in moves.tracks(ask.place) if track.status != "leaving"]
@@ -160,20 +161,20 @@ def _step_left_out(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _can(case: PlanForOrder, ask: Ask, tracks: Sequence[Track]) -> bool:
-    """Return whether a robot is available for `tracks`, and a drone if it has to observe first."""
+    """Return whether there is a robot for `tracks`, and a drone if one must observe first."""
     seen = all(track.observed for track in tracks)
     kinds: tuple[AssetKind, ...] = ("robot",) if seen else ("robot", "uav")
     return all(case.moves.there(ask.place, kind) or case.spare(ask, kind) for kind in kinds)
 
 
 def is_to_be_warned(track: Track) -> bool:
-    """Return whether a warning is due: the contact is identified and not yet warned."""
+    """Return whether a warning is due: the contact is an unwarned intruder, and no noncombatant."""
     is_intruder = track.identity == "unauthorized" and not track.noncombatants
     return is_intruder and not track.warned
 
 
 def _blocked(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe a lane that is not blocked, unless its contact has to be met first (WF-01)."""
+    """Describe a lane that is not blocked, unless its contact must be warned first (WF-01)."""
     due = all(track.intent == "hostile" and track.warned for track in case.moves.tracks(ask.place))
     moves, fit = case.moves, _fit(case, ask)
     can = fit or case.spare(ask, "ugv") or moves.there(ask.place, "ugv")
@@ -202,7 +203,7 @@ def _swapped(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe the fault if several guards stay or none does, or if none goes home."""
+    """Describe the fault if not exactly one guard stays, or if no guard goes home."""
     there = {*case.moves.guards(ask.place), *case.moves.sent(ask.place)}
     left = [name for name in there if case.moves.ends(name) == ask.place]
     if ask.place in case.moves.world.gates and len(left) != 1:
@@ -212,7 +213,7 @@ def _stood_down(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _reported(case: PlanForOrder, ask: Ask) -> Iterator[str]:
-    """Describe the missing reports; if all assets are to report, those that act need not."""
+    """Describe the missing reports; an asset that acts need not report when all assets should."""
     actions = case.moves.plan.actions
     reporting = {action.agent for action in actions if action.verb == "report"}
     if ask.who.names:
@@ -232,7 +233,7 @@ def _held(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _nothing(_case: PlanForOrder, _ask: Ask) -> Iterator[str]:
-    """Yield nothing: the track's own workflow decides the next step, or the ask is unreadable."""
+    """Yield no gaps: the track's workflow decides, or the task is refused or unreadable."""
     yield from ()
 
 
@@ -262,7 +263,7 @@ FIND_GAPS: Mapping[Task, Callable[[PlanForOrder, Ask], Iterator[str]]] = {
 
 
 def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
-    """Return descriptions of the parts that the plan lacks, then of its unrequested parts."""
+    """Return descriptions of what the plan lacks, then of what was not requested."""
     due = [ask for ask in reading.asks if not obstacle_to(ask, moves.world, moves.before)]
     vain = {w.place for w in reading.asks if w not in due and w.task in _MEETS}
     case = PlanForOrder(moves, tuple(due), reading.others_stay, frozenset(vain))
@@ -278,7 +279,7 @@ def gaps(moves: PlanMoves, reading: Reading) -> tuple[str, ...]:
 
 
 def _unasked(case: PlanForOrder) -> Iterator[str]:
-    """Describe the parts of the plan that neither the asks nor the rules require."""
+    """Describe the parts of the plan that neither the reading nor the rules require."""
     moves, due = case.moves, case.due
     moving = [ask for ask in due if ask.task not in STILL_TASKS]
     if not moving:
@@ -302,7 +303,7 @@ def _unasked(case: PlanForOrder) -> Iterator[str]:
 def _watches(case: PlanForOrder, name: str) -> bool:
     """Return whether a drone observes a contact that cannot be dealt with as requested.
 
-    If another drone is already there, this one is not needed.
+    Returns False if another drone is already at that place.
     """
     goal, flies = case.moves.ends(name), case.moves.kind(name) == "uav"
     seen = goal in case.watched and bool(case.moves.tracks(goal))
@@ -311,7 +312,10 @@ def _watches(case: PlanForOrder, name: str) -> bool:
 
 
 def _besides(case: PlanForOrder, name: str, served: Sequence[Ask]) -> bool:
-    """Return whether `name` relieves (WF-03), observes first (WF-02) or meets a track (WF-01)."""
+    """Return whether `name` moves because a rule requires it.
+
+    It takes over a gate (WF-03), observes first (WF-02), or deals with a track (WF-01).
+    """
     moves, goal = case.moves, case.moves.ends(name)
     if moves.takes_over(name) and not case.others_stay:
         return True

@@ -1,6 +1,6 @@
-"""A plan's moves: its agents and destinations, the assets that stay, and alternatives.
+"""A plan's moves: its agents, their destinations, and the other assets.
 
-They follow from the plan's commands and the picture before it, without a simulation.
+The moves follow from the plan's commands and the picture before it, without a simulation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,11 +44,11 @@ class PlanMoves:
         return self.world.assets[name].kind
 
     def post(self, name: str) -> str:
-        """Return the post of an asset before the plan; '' for none."""
+        """Return the post of an asset before the plan; '' if it has none."""
         return self.before.assets[name].post or ""
 
     def ends(self, name: str) -> str:
-        """Return the post of an asset after the plan; '' for none."""
+        """Return the post of an asset after the plan; '' if it has none."""
         return self.goals.get(name) or self.post(name)
 
     def free(self, kind: AssetKind | None = None) -> list[str]:
@@ -68,7 +68,7 @@ class PlanMoves:
         ]
 
     def takes_over(self, name: str) -> bool:
-        """Return whether an asset moves to a gate that all its guards leave (WF-03)."""
+        """Return whether an asset moves to a gate that all the gate's guards leave (WF-03)."""
         guards = {*self.guards(self.ends(name))} - {name} if name in self.moved else set[str]()
         return bool(guards) and guards <= {*self.moved}
 
@@ -82,13 +82,13 @@ class PlanMoves:
         return cover.by if cover is not None else ()
 
     def tracks(self, place: str) -> list[Track]:
-        """Return the tracks at a gate, leaving ones included."""
+        """Return the tracks at a gate, including those that are leaving."""
         return [track for track in self.before.tracks.values() if track.gate == place]
 
     def commands(
         self, place: str, verbs: Sequence[Verb] = ENCOUNTERS, names: Sequence[str] = ()
     ) -> list[Action]:
-        """Return the commands with `verbs` at a place, only those of agents in `names` if given."""
+        """Return the commands with `verbs` for a place; `names` limits them to these agents."""
         return [
             action
             for action in self.plan.actions

@@ -1,7 +1,6 @@
 """Parts of an order that cannot or need not be carried out now, and the assets that may move.
 
-A part that could be carried out but is not planned is not included: the judge objects to it
-(`fulfilment.py`).
+If a part could be carried out but is missing in the plan, `fulfilment.py` reports it as a gap.
 """
 
 import re
@@ -30,7 +29,7 @@ from pa_console.schema.telemetry import Picture
 from pa_console.schema.world import PLAIN_KINDS, AssetKind, World
 
 _MEETS = ADDRESSING_TASKS | {"respond"}
-"""The tasks that need a contact at the place."""
+"""The tasks that need a contact at their place."""
 _LOOKS = _MEETS | {"look"}
 """The tasks that begin with a drone's observation (WF-02)."""
 _GOES = MOVING_TASKS | {"respond", "mass", "cover", "relieve"}
@@ -39,11 +38,11 @@ _ONLY_FREE = re.compile(
     r"\b(?:free|spared?|available|idle|unassigned|surplus|extra|needed|can|could|possible|rest"
     r"|others?|remaining)\b"
 )
-"""Words, in lower case, that limit *all* to the available assets."""
+"""Words, in lower case, that limit *all* in an order to the available assets."""
 
 
 def obstacle_to(ask: Ask, world: World, picture: Picture) -> str:
-    """Return why no part of `ask` can be carried out; '' if at least a part can."""
+    """Return why no part of `ask` can be carried out; '' if at least one part can."""
     if ask.task == "refused":
         return "no order may have that"
     problem = obstacle(
@@ -61,7 +60,7 @@ def unfit(name: str, ask: Ask, world: World, picture: Picture) -> str:
 
 
 def _in_words(problem: Obstacle, task: Task, picture: Picture) -> str:
-    """Return an obstacle in words, with its rule if there is one."""
+    """Return an obstacle in words, with the id of its rule, if any."""
     match problem.problem:
         case "closed":
             return f"{problem.subject} is closed (ROE-07)"
@@ -83,7 +82,7 @@ def _in_words(problem: Obstacle, task: Task, picture: Picture) -> str:
 
 
 def _nobody(ask: Ask, picture: Picture) -> str:
-    """Return a sentence if every asset that could do it is down; otherwise ''."""
+    """Return the obstacle that every asset that could do the task is down; otherwise ''."""
     kind, verb = ask.who.kind, VERB_FOR.get(ask.task)
     kinds = (kind,) if kind is not None else COMMANDS[verb].kinds if verb is not None else ()
     up = {asset.kind for asset in picture.assets.values() if asset.available}
@@ -93,7 +92,8 @@ def _nobody(ask: Ask, picture: Picture) -> str:
 def unready_assets(world: World, picture: Picture, text: str) -> dict[str, str]:
     """Return the assets that an order needs and that cannot start yet, with the reasons.
 
-    An order without names needs one asset of each kind that it mentions, or all with *all*.
+    An order that names no asset needs one of each kind that it mentions, or, if it says *all*,
+    every asset of these kinds.
     """
     if not (late := picture.not_ready):
         return {}
@@ -111,11 +111,11 @@ def unready_assets(world: World, picture: Picture, text: str) -> dict[str, str]:
 
 
 def within_capability(reading: Reading, world: World) -> Reading:
-    """Return `reading` with each infeasible task in a form that its assets can carry out.
+    """Return `reading` with each task that its assets cannot do replaced by what they can do.
 
-    A drone that is to identify or warn observes instead, and a robot does the task. A robot that is
-    to observe goes there. An asset of another kind blocks. If no other asset may move, none
-    replaces it.
+    A drone that is to identify or warn observes instead, and an asset of another kind does the
+    task. A ground asset that is to observe goes to the place. A block is left to an asset that can
+    block. If the other assets must stay, none of them replaces the asset.
     """
     asks = (
         capable for ask in reading.asks for capable in _capable(ask, world, reading.others_stay)
@@ -124,7 +124,7 @@ def within_capability(reading: Reading, world: World) -> Reading:
 
 
 def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
-    """Yield `ask`, or its replacement if the assets of its kind do not have its command."""
+    """Yield `ask`, or its replacements if no asset of its kinds has the command."""
     team = ask.who
     kinds: set[AssetKind] = {world.assets[n].kind for n in team.names if n in world.assets}
     if team.kind is not None:
@@ -141,7 +141,7 @@ def _capable(ask: Ask, world: World, others_stay: bool) -> Iterator[Ask]:
 
 
 def post_of(moves: PlanMoves, ask: Ask) -> str:
-    """Return the place to take over: the named place, or that of the leaving asset."""
+    """Return the place to take over: the named place, or the post of the leaving asset."""
     return ask.place or (moves.post(ask.leaving) if ask.leaving else "")
 
 
@@ -153,13 +153,12 @@ class PlanForOrder:
     due: tuple[Ask, ...]
     others_stay: bool
     watched: frozenset[str] = frozenset()
-    """The places of asks that no asset can carry out: to observe them is a safe alternative
-    (CAP-10)."""
+    """The places of asks that no asset can carry out, which may be observed instead (CAP-10)."""
 
     def spare(self, ask: Ask, kind: AssetKind | None = None) -> list[str]:
-        """Return the free assets, of `kind` if given, that act for no ask other than `ask`.
+        """Return the free assets, of `kind` if given, that carry out no other ask.
 
-        If `ask` names an origin, only assets from there are returned.
+        If `ask` names an origin, only assets posted there are returned.
         """
         moves, others = self.moves, [other for other in self.due if other != ask]
         return [
@@ -173,8 +172,8 @@ class PlanForOrder:
     def can_deal(self, ask: Ask) -> bool:
         """Return whether an asset could observe the place of `ask` or deal with a contact there.
 
-        A drone can, if it is there or can be spared; a robot can once every track there was
-        observed (WF-02).
+        A drone can if it is at the place or can be spared. A robot can as well, once every track at
+        the place has been observed (WF-02).
         """
         moves, tracks = self.moves, self.moves.tracks(ask.place)
         seen = bool(tracks) and all(track.observed for track in tracks)
@@ -185,7 +184,7 @@ class PlanForOrder:
 
 
 def is_of(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether the asset `name` is posted at the origin in `ask`; True without an origin."""
+    """Return whether `name` is posted at the origin that `ask` names; True without an origin."""
     return ask.who.origin in ("", moves.post(name))
 
 
@@ -213,7 +212,7 @@ def may_move(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _carries_out(moves: PlanMoves, name: str, ask: Ask) -> bool:
-    """Return whether the asset `name` carries out `ask`, and does not only observe (WF-02)."""
+    """Return whether the asset `name` carries out `ask`, rather than only observing (WF-02)."""
     kind = moves.kind(name)
     is_asked_for = name in ask.who.names or ask.who.kind in (None, kind)
     return (
@@ -234,8 +233,8 @@ class Unmet(NamedTuple):
 def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ...]:
     """Return each task of `reading` that is not fully carried out, with the reason.
 
-    `text` is the original order: if it asks for all assets rather than the free ones, the result
-    names those that stay.
+    `text` is the original order. If it asks for all assets, and not only for the free ones, the
+    result names the assets that stay.
     """
     world, before = moves.world, moves.before
     due = tuple(ask for ask in reading.asks if not obstacle_to(ask, world, before))
@@ -251,7 +250,7 @@ def unmet_asks(moves: PlanMoves, reading: Reading, text: str) -> tuple[Unmet, ..
 
 
 def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, bool]]:
-    """Yield why `ask` is not carried out, and whether it is already fulfilled."""
+    """Yield reasons why `ask` is not carried out, each with True if `ask` is already fulfilled."""
     there = _there_already(case.moves, ask)
     why = _why(case, ask)
     yield why or there, not why
@@ -260,7 +259,7 @@ def _unmet(case: PlanForOrder, ask: Ask, *, every: bool) -> Iterator[tuple[str, 
 
 
 def _there_already(moves: PlanMoves, ask: Ask) -> str:
-    """Return the assets already at the place of `ask`, in words, if no asset is sent there."""
+    """Return in words which assets are already at the place of `ask`; '' if the plan sends any."""
     if ask.task != "go" or obstacle_to(ask, moves.world, moves.before):
         return ""
     if ask.who.names:
@@ -276,7 +275,7 @@ def _is_there(moves: PlanMoves, name: str, ask: Ask) -> bool:
 
 
 def _left(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield, for each asset that an order for all assets does not move, why it stays."""
+    """Yield why each asset that stays is not moved, although the order asks for all assets."""
     if ask.who.count != "all" or ask.task not in ("go", "mass", "home"):
         return
     place = moves.world.base if ask.task == "home" else ask.place
@@ -309,7 +308,7 @@ def _why(case: PlanForOrder, ask: Ask) -> str:
 
 
 def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
-    """Yield the reasons why named assets do not do their part."""
+    """Yield the reasons why assets that `ask` names do not do their part."""
     for name in ask.who.names:
         post = moves.post(name) if name in moves.world.assets else ""
         if why := unfit(name, ask, moves.world, moves.before):
@@ -319,13 +318,13 @@ def _kept(moves: PlanMoves, ask: Ask) -> Iterator[str]:
 
 
 def _begun(moves: PlanMoves, ask: Ask) -> bool:
-    """Return whether an asset acts for `ask`, or the needed asset is already there."""
+    """Return whether an asset acts for `ask`, or an asset that it needs is already at its place."""
     acting = (a.agent for a in moves.plan.actions if a.verb not in STILL)
     return bool(_standing(moves, ask)) or any(may_move(moves, name, ask) for name in acting)
 
 
 def _standing(moves: PlanMoves, ask: Ask) -> list[str]:
-    """Return the assets of the kind that `ask` needs that are already at its place."""
+    """Return the assets at the place of `ask` that are of the kind that it needs."""
     place = moves.world.base if ask.task == "home" else post_of(moves, ask)
     kind = _needed(ask)
     kinds: tuple[AssetKind, ...] = (kind,) if kind else ("uav", "ugv", "robot")

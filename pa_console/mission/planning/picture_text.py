@@ -1,7 +1,7 @@
-"""Step 3: the digest of the picture, in a large world only of the relevant part.
+"""Step 3: the digest of the picture; in a large world, only of its relevant part.
 
-The prompt must not grow with the number of assets. Every list here is bounded, and the omitted
-items are counted. A small world is included whole.
+The prompt must not grow with the number of assets, so every list has a limit, and the omitted items
+are counted. The digest of a small world is complete.
 """
 
 import math
@@ -23,16 +23,16 @@ COVERS_PER_GATE = 2
 MOST_MEANT = 6
 MOST_LOW = 3
 LESS = (0.75, 0.5, 0.25)
-"""The shares of the numbers above that are tried, in turn, until the prompt is small enough."""
+"""The factors for the limits above that are tried in turn until the prompt is small enough."""
 
 Pick = tuple[str, str]
-"""A name, and the reason why it is selected."""
+"""The name of an asset, gate or track, and the reason why it is selected."""
 
 
 def silence(picture: Picture, asset: AssetTelemetry) -> str:
     """Return why the state of an asset is uncertain; '' if it is certain.
 
-    The state of a failed asset is certain.
+    A failed asset is certain to be down.
     """
     if asset.status == "failed":
         return ""
@@ -44,12 +44,12 @@ def silence(picture: Picture, asset: AssetTelemetry) -> str:
 
 
 def digest_picture(picture: Picture, world: World, selection: Selection | None = None) -> Digest:
-    """Return cover per gate, free assets best first, sole covers, assets down or low, and tracks.
+    """Return the digest: cover by gate, free assets (best first), sole covers, assets, tracks.
 
     An asset is free if it is available, not low on battery, not on a task for a track, and not the
-    only cover of a gate. Free assets that cover no gate come first, then those with the fullest
-    battery, or in the order of `selection`. Assets, gates and tracks that are not in `selection`
-    are left out.
+    only cover of a gate. With a `selection`, only its assets, gates and tracks are included, and
+    free assets are in its order. Otherwise free assets that cover no gate come first, those with
+    the fullest battery first.
     """
     gates = tuple(g for g in world.gates if selection is None or g in selection.gates)
     sole = sole_covers(picture)
@@ -145,10 +145,10 @@ def select(
     rules: Sequence[Rule],
     share: float = 1.0,
 ) -> Selection | None:
-    """Return the part of the picture in the prompt for `mission`; None (all) in a small world.
+    """Return the part of the picture for the prompt of `mission`; None for all of a small world.
 
-    `rules` are those retrieved for the mission; their tags determine whether batteries matter
-    beyond its gates. A `share` below 1 limits the part, even in a small world.
+    `rules` are those retrieved for the mission; their tags determine whether assets with low
+    batteries elsewhere are included. A `share` below 1 lowers the limits, even in a small world.
     """
     if share == 1.0 and is_small(world):
         return None
@@ -176,7 +176,7 @@ def select(
 
 
 def _bounded(picks: Iterable[Pick], most: int) -> dict[str, str]:
-    """Return the first `most` names, each with its first reason."""
+    """Return the first `most` distinct names, each with its first reason."""
     chosen: dict[str, str] = {}
     for name, why in picks:
         if len(chosen) == most and name not in chosen:
@@ -199,7 +199,7 @@ def _threat(track: Track) -> tuple[int, float, str]:
 
 
 def _rank_word(track: Track) -> str:
-    """Return in one word how much a track matters."""
+    """Return the word by which a track is ranked, such as `hostile` or `leaving`."""
     if track.intent == "hostile":
         return "hostile"
     if track.defiant:
@@ -236,7 +236,7 @@ def _gates(
 def _concerned(
     picture: Picture, own: Iterable[str], gates: Iterable[str], *, wants_low: bool
 ) -> Iterator[Pick]:
-    """Yield the assets that the mission or its gates concern, a few at each gate."""
+    """Yield the assets that the mission names, then a few at each of its gates."""
     yield from ((name, "named in the mission") for name in own)
     chosen = tuple(gates)
     for rank in range(COVERS_PER_GATE):

@@ -41,7 +41,7 @@ MOST_FACTS = 4
 
 
 def served_plan(reading: str, slots: Sequence[CommandSlot], digest: Digest) -> Plan:
-    """Return the plan with the commands of `slots`, each for its first agent.
+    """Return the plan with the commands of `slots`, each given to its first candidate.
 
     The reason begins with the `reading` and continues with the state of the commanded assets.
     """
@@ -59,10 +59,10 @@ def still(picture: Picture) -> tuple[CommandSlot, ...]:
 
 @dataclass(frozen=True)
 class PlanQuestion:
-    """A prompt for the planner and the grammar of its answer; `digest` is the picture in it.
+    """A prompt for the planner, the `digest` in the prompt, and the grammar of the answer.
 
-    The reason in the answer matches the regular expressions `reasons`; it begins with `asked` if
-    that is given.
+    The reason in the answer matches the regular expressions `reasons`. It begins with the reading
+    `asked`, unless that is ''.
     """
 
     digest: Digest
@@ -89,7 +89,7 @@ class NumberedPlan:
 
 @dataclass(frozen=True)
 class PlannerAnswer:
-    """A question for a task, and the complete answer of `model`, with its number `attempt`."""
+    """A question about a task, and the complete answer of `model`; `attempt` is its number."""
 
     model: RoleModel
     retrieved: RetrievedRules
@@ -99,22 +99,22 @@ class PlannerAnswer:
 
     @property
     def error(self) -> str:
-        """The reason why the answer has no plan; '' if it has one."""
+        """The reason why the answer has no plan; '' if it has a plan."""
         return self.proposal.error if self.proposal.plan is None else ""
 
     @property
     def selection(self) -> Selection | None:
-        """The part of the picture in the prompt; None means all of it."""
+        """The part of the picture that is in the prompt; None for all of it."""
         return self.question.digest.selection
 
     @property
     def reading(self) -> str:
-        """The reading: the operator's, or else the one in the answer; '' if there is none."""
+        """The reading that the operator confirmed, or else the one in the answer; '' if none."""
         return self._words.rstrip("; ")
 
     @property
     def begun(self) -> str:
-        """The answer up to the end of its reading; '' if it has none."""
+        """The answer up to the end of its reading; '' if it has no reading."""
         text = self.proposal.text
         words = next((words for words in (self._words, self.reading) if words in text), "")
         return text[: text.find(words) + len(words)]
@@ -134,10 +134,10 @@ def ask_for_plan(
     previous: str = "",
     model: RoleModel | None = None,
 ) -> PlanQuestion:
-    """Return the question for a plan; `reasons` are the faults of the `previous` one.
+    """Return the question for a plan; `reasons` are the faults of the `previous` plan.
 
-    It is for `model`, by default the local one. It includes as much of the picture as fits beside
-    the answer.
+    The question is for `model`, by default the local model. Its prompt has as much of the picture
+    as leaves room for the answer.
     """
     prompt_format = model.prompt_format if model is not None else services.prompt_format
     started = perf_counter()
@@ -226,7 +226,7 @@ async def ask_planner(
 
 
 def without_planner(context: MissionContext, retrieved: RetrievedRules) -> PlannerAnswer:
-    """Return an answer for a plan that already exists; no model is asked."""
+    """Return an answer for a plan that no planner wrote; no model is asked."""
     model = context.services.planners[0]
     question = ask_for_plan(context.services, retrieved, model=model)
     context.stopwatch.add("picture_s", question.picture_s)
@@ -241,7 +241,7 @@ async def _served(
     question: PlanQuestion,
     on_text: OnText,
 ) -> Proposal:
-    """Ask `model` for a reading, and make the plan for it."""
+    """Ask `model` for a reading, and make the plan for that reading."""
     reading_question = ReadingQuestion(question.prompt, question.reasons)
     read = await model.planner.reader.read(reading_question, on_text)
     if read.error:
@@ -257,8 +257,8 @@ async def ask_for_others(
 ) -> list[NumberedPlan]:
     """Ask for several answers at once (step 4); return the other plans, most likely first.
 
-    With `as_asked`, all of them have the reading of the first answer. All of them are emitted.
-    There are none if the console makes the plan.
+    With `as_asked`, all answers have the reading of the first one. Each answer is emitted. The list
+    is empty if the console makes the plans.
     """
     question, count = answered.question, context.services.variant.candidates - 1
     if count < 1 or answered.model.prompt_format.served:
@@ -286,7 +286,7 @@ async def ask_for_others(
 async def other_readings(context: MissionContext, answered: PlannerAnswer, count: int) -> list[str]:
     """Return the planner's other likely readings, the likeliest first.
 
-    At most `count` are tried. The result is empty if the planner's answer has no reading.
+    At most `count` readings are tried. The list is empty if the planner's answer has no reading.
     """
     question = answered.question
     if not question.reasons or not answered.reading or count < 1:
@@ -307,9 +307,9 @@ async def commands_for(
     most: int,
     verbs: Sequence[Verb] = (),
 ) -> list[tuple[CommandSlot, ...]]:
-    """Return the ways to serve a reading: commands, each with its candidate agents.
+    """Return the ways to serve a reading: tuples of commands with their candidate agents.
 
-    At most `most` ways are returned. If `verbs` are given, ways with other commands are left out.
+    At most `most` ways are returned. If `verbs` are given, ways with other commands are excluded.
     The search runs in a thread, because it takes a while in a large world.
     """
     fleet, reading = context.services.fleet, read_asked(reading_text)
@@ -335,7 +335,7 @@ async def ask_who(
 ) -> NumberedPlan | None:
     """Ask the planner to assign an agent to each command of `slots` (step 4).
 
-    The plan has the `reading` of the model `reader`. If the console makes the plans, it also
+    The plan is for the `reading` of the model `reader`. If the console makes the plans, it also
     assigns the agents. Returns None if the answer has no plan.
     """
     first = context.attempts

@@ -1,1 +1,1 @@
-"""Parts of a mission's run: questions about its order, and a plan that waits for a decision."""
+"""Parts of a mission's run: questions about its order, and the plan that awaits a decision."""

@@ -1,4 +1,4 @@
-"""Step 2 with the operator: an order is read, and its unclear words are asked about."""
+"""Step 2 with the operator: the reading of an order, and questions about its unclear words."""
 
 from pa_console.language.references.resolution import chosen, names_something
 from pa_console.mission.context import MissionContext, MissionResult
@@ -30,8 +30,8 @@ class OrderQuestions:
     async def understand(self, unclear: NotUnderstood | None) -> Understood | MissionResult:
         """Read the mission's words, and ask the operator about unclear ones (step 2).
 
-        Returns the mission's result if it cannot be planned. `unclear` is a question that came up
-        when a step of the order was planned; it is asked first.
+        Returns the mission's result if the mission ends without a plan. If `unclear` is given, a
+        question that arose during planning, it is asked first.
         """
         while True:
             reading = unclear or await understand(self._context, self.answers)
@@ -53,9 +53,9 @@ class OrderQuestions:
                     self._take_up(question, answer)
 
     def _take_up(self, question: NotUnderstood, answer: str) -> None:
-        """Add an answer to the order, for its unclear words or for all of them.
+        """Use an answer in place of the order's unclear words, or in place of the whole order.
 
-        An answer that names nothing changes nothing, so the question is asked once more.
+        If the answer to unclear words names nothing, the same question is asked again.
         """
         mission, services = self._context.mission, self._context.services
         scene = services.scene
@@ -74,7 +74,7 @@ class OrderQuestions:
     def left_by(
         self, planned: PlanForDecision, understood: Understood | None
     ) -> NotUnderstood | None:
-        """Return the question that a plan leaves open; None if there is none to ask any more."""
+        """Return the question that a plan leaves open; None without one, or after too many."""
         if self._count >= MOST_QUESTIONS:
             return None
         question = understood.unsettled if understood is not None else None

@@ -1,4 +1,4 @@
-"""A plan that waits for the operator, and is rehearsed again when the picture changes."""
+"""A plan that waits for the operator and is rehearsed again when the picture changes."""
 
 import asyncio
 from collections.abc import Iterable
@@ -20,12 +20,12 @@ DRIFT_PCT = 3.0
 DRIFT_M = 10.0
 """The change of an agent's position that makes a rehearsal outdated, in metres."""
 AT_ONCE_S, LEAST_S, MOST_S = 2.0, 5.0, 60.0
-"""The shortest times between two rehearsals, in seconds: after a sudden change, after a drift while
-the plan is new, and after a drift once it has waited long."""
+"""The shortest time between two rehearsals, in seconds: after a sudden change, after a drift of a
+new plan's agents, and after a drift once the plan has waited long."""
 
 
 class _PlanChangedError(Exception):
-    """A change of the broken rules of the waiting plan."""
+    """A change of the set of rules that the waiting plan breaks."""
 
     def __init__(self, examination: Examination) -> None:
         super().__init__("; ".join(examination.broken))
@@ -36,7 +36,7 @@ class WaitingPlan:
     """A plan that waits for a decision, and is examined again if the picture changes enough."""
 
     def __init__(self, context: MissionContext, task: Mission, shown: Candidate) -> None:
-        """Wait with the plan of `shown` for `task`."""
+        """Begin to wait with the plan `shown` to the operator for `task`."""
         self._context, self._task, self._shown = context, task, shown
         self.examination = shown.examination
         """The last examination of the plan."""
@@ -59,10 +59,9 @@ class WaitingPlan:
         return _stands_on(plan, picture) != _stands_on(plan, self._examined_picture)
 
     def _drifted(self, picture: Picture) -> bool:
-        """Return whether an agent's charge or position has drifted from the rehearsed one.
+        """Return whether an agent's charge or position has drifted since the last rehearsal.
 
-        The longer a plan waits, the less often its drifts are rehearsed, because each rehearsal is
-        logged.
+        Each rehearsal is logged, so the longer a plan waits, the less often a drift counts.
         """
         waited_s = self._examined_picture.time_s - self._since_s
         if picture.time_s - self._examined_picture.time_s < min(LEAST_S + waited_s / 10, MOST_S):
@@ -80,7 +79,7 @@ class WaitingPlan:
     async def decided(
         self, planned: PlanForDecision, before: Readings, answer: Decide
     ) -> AdmissibleDecision | Examination:
-        """Return the decision on the plan, or a new examination in which other rules are broken."""
+        """Return the decision on the plan, or a newer examination once other rules are broken."""
         try:
             return await decide(self._context, planned, before, lambda: self._answered(answer))
         except _PlanChangedError as changed:

@@ -1,1 +1,1 @@
-"""Patrols and orders in steps: planned and carried out one step after another."""
+"""Patrols and orders in steps, which are planned and carried out one step after another."""

@@ -1,8 +1,7 @@
 """Steps 3 to 6 for a patrol: legs from place to place, with relief before a battery gets low.
 
-A grammar has read the order, so neither planner nor second reader is asked. The judge is asked
-about the first leg to each place. The rules are checked for every leg, in the forecast after the
-earlier legs.
+A grammar reads the order, so neither planner nor second reader is asked. The judge is asked about
+the first leg to each place. The rules are checked for every leg, in the forecast at its start.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,16 +25,16 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.world import AssetKind
 
 PREFERRED: tuple[AssetKind, ...] = ("uav", "robot", "ugv")
-"""The order of preference for kinds if the order names no asset: the first with a free asset is
-used."""
+"""The kinds of assets in order of preference, for an order that names no asset or kind. The first
+kind with a free asset is used."""
 MOST_RELIEFS = 4
 RESERVE_PCT = 2.0
-"""The charge above the low mark that an asset keeps at the end of its last leg, in percent."""
+"""The charge above the low mark that an asset must keep after its last leg, in percent."""
 
 
 @dataclass(frozen=True)
 class _Leg:
-    """One place of a patrol and its asset; the asset in `relieves` goes home after its arrival."""
+    """One place of a patrol and its asset; when it arrives, the asset that it `relieves` leaves."""
 
     place: str
     agent: str
@@ -45,7 +44,7 @@ class _Leg:
 async def plan_patrol(
     context: MissionContext, retrieved: RetrievedRules, patrol: Patrol, done: int = 0
 ) -> PlanForDecision | NotUnderstood:
-    """Return the plan for the rest of a patrol after its first `done` legs."""
+    """Return the plan for a patrol without its first `done` legs, or a question."""
     agent = _first_agent(context, patrol)
     if not agent:
         needed = patrol.asset or (f"{patrol.kind}" if patrol.kind else "asset")
@@ -66,7 +65,7 @@ async def plan_patrol(
 
 
 def _first_agent(context: MissionContext, patrol: Patrol) -> str:
-    """Return the first asset: the named one, or the nearest free one of the kind; '' for none."""
+    """Return the asset of the first leg: the named asset, or the nearest free one; '' if none."""
     if patrol.asset:
         return patrol.asset
     scene = context.services.scene
@@ -80,7 +79,7 @@ def _first_agent(context: MissionContext, patrol: Patrol) -> str:
 async def _with_relief(
     context: MissionContext, patrol: Patrol, agent: str, places: Sequence[str]
 ) -> list[_Leg] | NotUnderstood:
-    """Return the legs, with another asset from the leg on before which a battery would get low."""
+    """Return the legs; another asset takes over before each leg for which a battery is too low."""
     legs = [_Leg(place, agent) for place in places]
     world = context.services.fleet.world
     for _ in range(MOST_RELIEFS + 1):
@@ -101,7 +100,7 @@ async def _with_relief(
 
 
 def _first_short(plan: Plan, steps: Sequence[Rehearsal], least_pct: float) -> int | None:
-    """Return the first leg, from 0, for which a battery is too low, the way home included."""
+    """Return the first leg, from 0, after which an asset has too little charge to go home."""
     legs = -1
     for numbers, step in zip(plan.steps, steps, strict=False):
         going = [plan.actions[n - 1] for n in numbers if plan.actions[n - 1].target is not None]
@@ -116,7 +115,7 @@ def _first_short(plan: Plan, steps: Sequence[Rehearsal], least_pct: float) -> in
 
 
 def _reliever(context: MissionContext, legs: Sequence[_Leg], number: int) -> str:
-    """Return the nearest free asset of the same kind that is in no leg; '' for none."""
+    """Return the nearest free asset of the same kind that has no leg; '' if there is none."""
     scene, place = context.services.scene, legs[number].place
     kind = scene.asset(legs[number].agent).kind
     taken = {leg.agent for leg in legs}
@@ -129,7 +128,7 @@ def _reliever(context: MissionContext, legs: Sequence[_Leg], number: int) -> str
 
 
 def _plan(context: MissionContext, patrol: Patrol, legs: Sequence[_Leg]) -> Plan:
-    """Return the plan of all legs, one after the other."""
+    """Return the plan of all legs, one after another."""
     actions: list[Action] = []
     before: tuple[int, ...] = ()
     for leg in legs:
@@ -150,7 +149,7 @@ def _verb(context: MissionContext, agent: str) -> Verb:
 async def _judged(
     context: MissionContext, patrol: Patrol, legs: Sequence[_Leg]
 ) -> list[PlanForDecision]:
-    """Return the first leg to each place, with the judge's verdict on it."""
+    """Return a judged plan for the first leg to each place."""
     at, judged = ForeseenContext(context), list[PlanForDecision]()
     for leg in _first_legs(legs):
         verb = _verb(context, leg.agent)

@@ -1,7 +1,7 @@
 """Steps 3 to 6 for an order in steps, each planned in the forecast after the step before it.
 
 A step is read, planned and judged like an order of its own. Its plan is rehearsed, and the next
-step begins at the end of the rehearsal. The plans are joined into one, which is examined and
+step begins at the end of the rehearsal. The plans are joined into one plan, which is examined and
 approved as a whole.
 """
 
@@ -45,7 +45,7 @@ async def plan_steps(
 ) -> Planned:
     """Return one plan for all `steps` of `task`; a question or a fault names its step.
 
-    No step after a blocked one is planned, because nothing could follow it.
+    If a step is blocked, no later step is planned.
     """
     planned: list[PlanForDecision] = []
     at = ForeseenContext(context)
@@ -80,7 +80,7 @@ async def plan_steps(
 async def _planned(
     step: MissionContext, read: Understood
 ) -> PlanForDecision | PlanningFailure | NotUnderstood:
-    """Return the judged plan for one step."""
+    """Return the judged plan for one step, or its fault or question."""
     retrieved = retrieve(step, step.mission)
     if read.patrol is not None:
         return await plan_patrol(step, retrieved, read.patrol)
@@ -94,7 +94,7 @@ async def _planned(
 async def _joined(
     context: MissionContext, task: Mission, planned: Sequence[PlanForDecision], count: int
 ) -> PlanForDecision:
-    """Examine the plans of the steps as one; return it for decision, with all findings."""
+    """Examine the plans of the steps as one plan; return that plan for decision."""
     bests = [candidate.best for candidate in planned]
     whole = joined_plan(bests)
     number = context.next_attempt()
@@ -139,7 +139,7 @@ async def _joined(
 
 
 def joined_plan(bests: Sequence[Candidate]) -> Plan:
-    """Return the plans of the steps as one plan, in which each follows the one before it."""
+    """Return the plans of the steps as one plan, in which each step waits for the one before it."""
     actions: list[Action] = []
     reasons: list[str] = []
     before: tuple[int, ...] = ()
@@ -154,7 +154,7 @@ def joined_plan(bests: Sequence[Candidate]) -> Plan:
 
 
 def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
-    """Yield a critical finding for each step that orders nothing, and one for unplanned steps."""
+    """Yield a critical finding for each step without actions, and one for the unplanned steps."""
     faults = [
         f"step {number} orders nothing"
         for number, best in enumerate(bests, start=1)
@@ -167,7 +167,7 @@ def _unplanned(bests: Sequence[Candidate], count: int) -> Iterator[Finding]:
 
 
 def _mentions(bests: Sequence[Candidate]) -> MentionCheck:
-    """Return the checks of the steps' readings as one; a single baseless step makes it baseless."""
+    """Return the checks of the steps' readings as one, which is baseless if any of them is."""
     checks = [best.mentions for best in bests]
     return MentionCheck(
         tuple(part for check in checks for part in check.mentions),

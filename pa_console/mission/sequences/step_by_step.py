@@ -1,7 +1,7 @@
-"""Steps 8 and 9 for a plan in steps: each is executed and verified before the next one is sent.
+"""Steps 8 and 9 for a plan in steps: each step is executed and verified before the next is sent.
 
-A step that waits is examined again when its turn comes. The actions that depend on one that failed,
-or that telemetry does not show, are never sent, and an event names them.
+A waiting step is examined again when its turn comes. If an action fails or cannot be verified, the
+actions that depend on it are never sent, and an event names them.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ from pa_console.schema.plan import Plan
 
 @dataclass
 class StepByStep:
-    """The execution of an `approved` plan in steps for `task`; its `facts` are reported."""
+    """The execution of an `approved` plan in steps, which is recorded in `facts` for the report."""
 
     context: MissionContext
     execution: Execution
@@ -34,7 +34,7 @@ class StepByStep:
     goes_on: asyncio.Event
     """Set while the next step may be sent; cleared while an operator has paused the plan."""
     done: int = 0
-    """The number of steps that telemetry shows to be done, counted from the first."""
+    """The number of steps from the first on that telemetry has verified without a gap."""
     _held: frozenset[int] = frozenset()
 
     @property
@@ -43,13 +43,13 @@ class StepByStep:
 
     @property
     def orders_done(self) -> int:
-        """The number of the order's steps that are done; each may be several steps of the plan."""
+        """The number of the order's steps that are done; one may be several steps of the plan."""
         steps = self.approved.planned.steps
         counts = accumulate(len(step.best.examination.plan.steps) for step in steps)
         return sum(count <= self.done for count in counts) if steps else self.done
 
     async def run(self) -> MissionResult | None:
-        """Carry out the plan; return None if all steps are verified, otherwise the result."""
+        """Carry out the plan; return None if all steps are verified, otherwise a result."""
         lacks: list[MissionResult] = []
         for position, numbers in enumerate(self._plan.steps, start=1):
             if due := tuple(number for number in numbers if number not in self._held):
@@ -67,7 +67,7 @@ class StepByStep:
         return frozenset(number for step in self._plan.steps[position:] for number in step)
 
     async def _step(self, position: int, due: tuple[int, ...]) -> MissionResult | None:
-        """Check, execute and verify the actions `due`; return a result if others are held back."""
+        """Check, execute and verify the actions `due`; return a result unless all are verified."""
         context, count = self.context, len(self._plan.steps)
         part = self._plan.part(due)
         facts = PlanFacts(
@@ -113,7 +113,7 @@ class StepByStep:
         status: MissionStatus,
         facts: PlanFacts | None = None,
     ) -> MissionResult:
-        """Hold back the actions `numbers` for good, and emit an event that names them."""
+        """Exclude the actions `numbers` from execution, and emit an event that names them."""
         new = sorted({*numbers} - self._held)
         self._held |= {*new}
         actions = [self._plan.actions[number - 1] for number in new]
@@ -129,7 +129,7 @@ class StepByStep:
 
 
 def _passed(due: tuple[int, ...], seen: Verification) -> frozenset[int]:
-    """Return the actions that are verified; none if a gate has lost its known cover."""
+    """Return the numbers of the verified actions; none if a gate has lost its known cover."""
     if seen.gates_lost or seen.gates_unknown:
         return frozenset()
     outcomes = zip(due, seen.actions, strict=True)

@@ -1,4 +1,4 @@
-"""All events, one small class per kind; log, screen and replay read only these."""
+"""All events, one small class per kind; log, screen and replay use only these."""
 
 from datetime import datetime
 from typing import Annotated
@@ -95,7 +95,7 @@ from pa_console.schema.events.session import (
     WorkerState,
 )
 
-# The payloads are collected in `EventPayload`; these are the names that are used with them.
+# `EventPayload` collects the payloads; these are the other names that are used with them.
 __all__ = (
     "MOST_CONTACTS", "MOST_READINGS", "UNVERIFIED", "AnswerLine", "Event", "EventPayload",
     "IncidentSource", "Level", "OutsideReport", "Payload", "QuestionTopic", "Reference",

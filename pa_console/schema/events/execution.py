@@ -1,4 +1,4 @@
-"""Events of steps 8 to 10: commands, halts, verification, report, stop."""
+"""Events of steps 8 to 10: commands, halts, verifications, reports, stops and manual control."""
 
 from typing import ClassVar, Literal
 
@@ -20,7 +20,7 @@ class CommandSent(Payload):
 
 
 class CommandRefused(Payload):
-    """Step 8: the command gate refused a command without a decision, or during a stop."""
+    """Step 8: the command gate refused a command, with the reason."""
 
     binding: ClassVar[bool] = True
     kind: Literal["command_refused"] = "command_refused"
@@ -37,16 +37,18 @@ class CommandResent(Payload):
 
 
 class PlanHalted(Payload):
-    """Step 8: a premise of the running plan broke; each asset is sent its way to safety."""
+    """Step 8: the running plan was halted, and assets were sent their way to safety."""
 
     kind: Literal["plan_halted"] = "plan_halted"
     attempt: int
     reasons: tuple[str, ...]
-    safe_state: tuple[str, ...] = Field(default=(), description="the command to each asset")
+    safe_state: tuple[str, ...] = Field(
+        default=(), description="the commands that were sent: agent and command"
+    )
 
 
 class StepsHeld(Payload):
-    """Step 8: actions of an approved plan that are not sent because of earlier actions."""
+    """Step 8: actions of an approved plan that will not be sent, with the reason."""
 
     kind: Literal["steps_held"] = "steps_held"
     attempt: int
@@ -78,19 +80,19 @@ class MissionVerified(Payload):
     step: int = Field(
         default=0,
         exclude_if=lambda step: not step,
-        description="the step of the plan, counted from 1; 0 for a plan of one step",
+        description="the number of the plan's step, from 1; 0 for a plan of one step",
     )
 
 
 class OutcomeJudged(Payload):
-    """Step 9: the judge's verdict on the outcome of an executed plan, or why there is none.
+    """Step 9: the judge's verdict on the outcome of an executed plan, or why there is no verdict.
 
-    Nothing waits for it: it may come after other plans of the mission, and after the mission's end.
+    Nothing waits for the verdict: it may come after other plans, or after the mission's end.
     """
 
     kind: Literal["outcome_judged"] = "outcome_judged"
     attempt: int | None = Field(
-        default=None, description="the plan; None: the last one that was verified"
+        default=None, description="the plan's number; None for the last verified plan"
     )
     verdict: Verdict | None
     error: str = ""
@@ -98,7 +100,7 @@ class OutcomeJudged(Payload):
 
 
 class MissionReported(Payload):
-    """Step 10: the brief report (WF-09)."""
+    """Step 10: the brief after-action report (WF-09)."""
 
     kind: Literal["mission_reported"] = "mission_reported"
     text: str
@@ -126,9 +128,9 @@ class AllStopped(Payload):
 
 
 class ManualControlTaken(Payload):
-    """An operator has taken manual control of an asset: the console sends it no more commands.
+    """An operator has taken manual control of an asset: the console sends it only a stop's hold.
 
-    Only a stop's hold is still sent. The event stays in effect after a restart of the console.
+    The event stays in effect after a restart of the console.
     """
 
     binding: ClassVar[bool] = True
@@ -138,7 +140,7 @@ class ManualControlTaken(Payload):
 
 
 class ManualControlEnded(Payload):
-    """An operator has ended manual control of an asset; nothing is resumed by it."""
+    """An operator has ended manual control of an asset; this resumes no plan."""
 
     binding: ClassVar[bool] = True
     kind: Literal["manual_control_ended"] = "manual_control_ended"
@@ -147,26 +149,29 @@ class ManualControlEnded(Payload):
 
 
 class MissionAwaitsAssets(Payload):
-    """A mission ended without its result because `assets` are under manual control.
+    """A mission ended unfinished because `assets` are under manual control.
 
-    Once manual control of all of them has ended, its words are queued as the mission `again`, which
-    is planned, checked and approved as a new one.
+    Once manual control of all these assets has ended, the mission's words are queued as the new
+    mission `again`, which is planned, checked and approved like any other.
     """
 
     kind: Literal["mission_awaits_assets"] = "mission_awaits_assets"
     assets: tuple[Name, ...]
-    again: str = Field(default="", description="the mission that takes its place, '' while waiting")
+    again: str = Field(default="", description="the mission that replaces it; '' while it waits")
 
 
 class StopUnconfirmed(Payload):
-    """The assets not known to hold after a stop, each with the reason; if empty, all hold."""
+    """The assets that are not known to hold after a stop, each with the reason.
+
+    If `assets` is empty, all assets are known to hold.
+    """
 
     kind: Literal["stop_unconfirmed"] = "stop_unconfirmed"
     assets: dict[Name, str]
 
 
 class StopReleased(Payload):
-    """The operator released the stop: missions and alarms are processed again."""
+    """The operator has released the stop, so missions and alarms are processed again."""
 
     binding: ClassVar[bool] = True
     kind: Literal["stop_released"] = "stop_released"

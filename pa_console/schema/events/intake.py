@@ -1,4 +1,4 @@
-"""Events of steps 1 and 2, of standing orders, and of questions about the log."""
+"""Events of steps 1 and 2, of alarms, of standing orders, and of questions about the log."""
 
 from datetime import datetime
 from typing import ClassVar, Literal
@@ -10,7 +10,7 @@ from pa_console.schema.mission import Alarm, Mission, QueueEntry, StandingOrder,
 
 
 class AlarmRaised(Payload):
-    """A situation in the picture needs a response; the alarm replaces one with the same id."""
+    """A situation needs a response; the alarm replaces an earlier alarm with the same id."""
 
     kind: Literal["alarm_raised"] = "alarm_raised"
     alarm: Alarm
@@ -33,14 +33,14 @@ class AlarmCleared(Payload):
 
 
 class QueueChanged(Payload):
-    """Step 1: the waiting missions in order, with the reasons for it (WF-04, WF-05)."""
+    """Step 1: the waiting missions in order, each with the reason for its place (WF-04, WF-05)."""
 
     kind: Literal["queue_changed"] = "queue_changed"
     entries: tuple[QueueEntry, ...]
 
 
 class MissionPreempted(Payload):
-    """The active mission went back to the queue because an emergency has priority."""
+    """The active mission went back to the queue, because an emergency has priority."""
 
     kind: Literal["mission_preempted"] = "mission_preempted"
     by: str
@@ -50,8 +50,8 @@ class MissionPreempted(Payload):
 class WorkflowMoved(Payload):
     """The mission's position in a workflow that a rule prescribes (WF-01).
 
-    `phase` counts from 0; when the workflow is over, it is the number of phases, and `outcome` is
-    set.
+    `phase` counts from 0. When the workflow is over, `phase` is the number of phases, and `outcome`
+    is set.
     """
 
     kind: Literal["workflow_moved"] = "workflow_moved"
@@ -66,7 +66,7 @@ class WorkflowMoved(Payload):
 
 
 class MissionReceived(Payload):
-    """Step 1: a mission was accepted and queued; `position` 0 means next."""
+    """Step 1: a mission was accepted and queued; at `position` 0, it is the next."""
 
     kind: Literal["mission_received"] = "mission_received"
     mission: Mission
@@ -74,13 +74,11 @@ class MissionReceived(Payload):
 
 
 class MissionStarted(Payload):
-    """The mission left the queue and is in progress, under the same rule set until its end."""
+    """The mission left the queue and is in progress; it keeps its rule set until its end."""
 
     kind: Literal["mission_started"] = "mission_started"
-    rules_content_sha256: str = Field(default="", description="content hash of that rule set")
-    rules_warnings: tuple[str, ...] = Field(
-        default=(), description="warnings about it: accepted by the operator, no critical check"
-    )
+    rules_content_sha256: str = Field(default="", description="content hash of the rule set")
+    rules_warnings: tuple[str, ...] = Field(default=(), description="warnings about the rule set")
 
 
 class Reference(StrictModel):
@@ -91,19 +89,19 @@ class Reference(StrictModel):
 
 
 class QuestionAsked(Payload):
-    """Step 2: a question about an order's meaning; an `answer` decision is added to the order."""
+    """Step 2: a question about an order's meaning, which a decision of kind `answer` answers."""
 
     kind: Literal["question_asked"] = "question_asked"
     question: str
-    said: str = Field(default="", description="the unclear words; '' for all of them")
-    choices: tuple[str, ...] = Field(default=(), description="possible meanings, not exclusive")
+    said: str = Field(default="", description="the unclear words; '' for the whole order")
+    choices: tuple[str, ...] = Field(default=(), description="some possible meanings")
 
 
 class OrderRead(Payload):
     """Step 2: the reading of an order that refers to the picture or to earlier orders."""
 
     kind: Literal["order_read"] = "order_read"
-    text: str = Field(description="the planned text: names in place of references")
+    text: str = Field(description="the text that is planned, with names in place of references")
     typed: str = Field(description="the typed text, including answers to questions")
     references: tuple[Reference, ...] = ()
     follows: str = Field(
@@ -117,15 +115,15 @@ class OrderStepRead(Payload):
     """Step 2: one step of an order in steps; the next plans are for this step alone."""
 
     kind: Literal["order_step_read"] = "order_step_read"
-    step: int = Field(ge=1, description="its number, counted from 1")
+    step: int = Field(ge=1, description="the number of the step, from 1")
     steps: int = Field(ge=1, description="the number of steps in the order")
-    text: str = Field(description="its words, with names in place of references")
+    text: str = Field(description="the words of the step, with names in place of references")
 
 
 QuestionTopic = Literal[
-    "plan",  # why this plan, or why none
-    "asset",  # why this asset
-    "other_asset",  # why not that one
+    "plan",  # why this plan was made, or why no plan was
+    "asset",  # why this asset was chosen
+    "other_asset",  # why another asset was not chosen
     "gate",  # why a gate has no guard
     "alternatives",  # which other plans would serve the order
 ]
@@ -133,7 +131,7 @@ QuestionTopic = Literal[
 
 
 class AnswerLine(StrictModel):
-    """One statement of an answer: its subject `about`, in a word or two, and its text `said`."""
+    """One statement of an answer: the text `said`, and in a word or two what it is `about`."""
 
     about: str
     said: str
@@ -142,18 +140,21 @@ class AnswerLine(StrictModel):
 class QuestionAnswered(Payload):
     """A question about the log, with its answer; no model was asked.
 
-    The event's mission is the subject of the question. It causes no decision and no movement.
+    The event belongs to the mission that the question is about. It causes no decision and no
+    movement.
     """
 
     kind: Literal["question_answered"] = "question_answered"
     question: str = Field(description="the words of the operator")
     topic: QuestionTopic = "plan"
-    subjects: tuple[Name, ...] = Field(default=(), description="the assets or the gate asked about")
+    subjects: tuple[Name, ...] = Field(
+        default=(), description="the assets or the gate that the question is about"
+    )
     lines: tuple[AnswerLine, ...] = ()
 
 
 class AgentMuted(Payload):
-    """An operator has muted an agent, or unmuted it; a muted agent may only read and stop."""
+    """An operator has muted or unmuted an agent; a muted agent may only read and stop."""
 
     binding: ClassVar[bool] = True
     kind: Literal["agent_muted"] = "agent_muted"
@@ -167,14 +168,16 @@ class StandingOrderRead(Payload):
 
     kind: Literal["standing_order_read"] = "standing_order_read"
     order: StandingOrder
-    now: tuple[StandingStart, ...] = Field(default=(), description="its missions at once")
+    now: tuple[StandingStart, ...] = Field(
+        default=(), description="the missions that it would start at once"
+    )
     moments: tuple[datetime, ...] = Field(
         default=(), exclude_if=lambda moments: not moments, description="its next moments"
     )
     first_s: NonNegative | None = Field(
         default=None,
         exclude_if=lambda first_s: first_s is None,
-        description="the fleet's time at the first of its moments",
+        description="the fleet's time at the first moment",
     )
     allowed: tuple[str, ...] = Field(
         default=(), description="commands that the rules let it give without approval"
@@ -191,20 +194,25 @@ class StandingOrderApproved(Payload):
 
 
 class StandingOrderStarted(Payload):
-    """The order's condition became true for `subject`, or its moment came: a mission was queued."""
+    """A standing order queued a mission because its condition was met or its moment came.
+
+    `subject` is the asset, track or gate that met the condition; '' for a moment.
+    """
 
     kind: Literal["standing_order_started"] = "standing_order_started"
     order_id: str
     subject: Name | Literal[""] = ""
     late_s: NonNegative = Field(
-        default=0.0, exclude_if=lambda late_s: not late_s, description="seconds after its moment"
+        default=0.0,
+        exclude_if=lambda late_s: not late_s,
+        description="delay after the moment, in seconds",
     )
 
 
 class StandingOrderWithheld(Payload):
-    """The reason why a standing order started nothing although its condition or moment came.
+    """A standing order started no mission although its condition was met or its moment came.
 
-    `subject` is the thing that met the condition.
+    `subject` is the asset, track or gate that met the condition; '' for a moment.
     """
 
     kind: Literal["standing_order_withheld"] = "standing_order_withheld"
@@ -214,7 +222,10 @@ class StandingOrderWithheld(Payload):
 
 
 class StandingOrderScheduled(Payload):
-    """The next moment of a timed order; `by` is the person who paused, resumed or skipped it."""
+    """The next moment of a timed order.
+
+    If a person has paused or resumed the order, or skipped a moment, `by` names the person.
+    """
 
     kind: Literal["standing_order_scheduled"] = "standing_order_scheduled"
     order_id: str

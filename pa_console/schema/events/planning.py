@@ -13,11 +13,11 @@ from pa_console.schema.rule import RuleHit
 from pa_console.schema.telemetry import Digest
 
 MOST_READINGS = 3
-"""The number of other readings that an operator can compare at a glance."""
+"""The largest number of other readings that are offered, for comparison at a glance."""
 
 
 class RulesRetrieved(Payload):
-    """Step 3: pinned and top-k rules with their scores, best first."""
+    """Step 3: the pinned and the best-matching rules with their scores, best first."""
 
     kind: Literal["rules_retrieved"] = "rules_retrieved"
     method: str
@@ -45,7 +45,7 @@ class PromptBuilt(Payload):
     server: str = Field(
         default="",
         exclude_if=lambda server: not server,
-        description="the model on a server that it is for; empty for the session's own model",
+        description="the model on a server that is asked; empty for the local model",
     )
 
 
@@ -60,12 +60,12 @@ class TextStreamed(Payload):
 
 
 class PlanProposed(Payload):
-    """Step 4: the model's whole answer; `plan` is None if it could not be parsed."""
+    """Step 4: the author's whole answer; `plan` is None if the answer could not be parsed."""
 
     kind: Literal["plan_proposed"] = "plan_proposed"
     attempt: int
     author: Literal["planner", "operator", "agent", "console"] = Field(
-        default="planner", description="the console joins the plans of an order's steps"
+        default="planner", description="the console if it joined the plans of an order's steps"
     )
     text: str
     plan: Plan | None
@@ -75,24 +75,26 @@ class PlanProposed(Payload):
         default=None, description="the planner's confidence in its reading"
     )
     instead_of: int | None = Field(
-        default=None, description="the attempt to whose prompt it is another answer"
+        default=None, description="the attempt whose prompt this answer shares"
     )
     given: bool = Field(
-        default=False, description="the console gave the commands, the author only the agents"
+        default=False,
+        description="the console gave the commands, and the author only chose the agents",
     )
     as_judged: bool = Field(
-        default=False, description="it is for the judge's reading of the mission"
+        default=False, description="the plan is for the judge's reading of the mission"
     )
     as_read_again: bool = Field(
-        default=False, description="it is for the second reader's reading of the mission"
+        default=False, description="the plan is for the second reader's reading of the mission"
     )
     as_chosen: bool = Field(
-        default=False, description="it is for the reading of the mission that the operator chose"
+        default=False,
+        description="the plan is for the reading of the mission that the operator chose",
     )
 
 
 class PlanRehearsed(Payload):
-    """Step 5: the plan was run in a forked simulation."""
+    """Step 5: the rehearsal of a plan in a forecast."""
 
     kind: Literal["plan_rehearsed"] = "plan_rehearsed"
     attempt: int
@@ -108,7 +110,7 @@ class PlanChecked(Payload):
     findings: tuple[Finding, ...]
     seconds: float
     unmet: tuple[str, ...] = Field(
-        default=(), description="parts of the order that no plan can do now, with reasons"
+        default=(), description="parts of the order that the plan leaves out, with the reasons"
     )
     gaps: tuple[str, ...] = Field(
         default=(),
@@ -117,7 +119,7 @@ class PlanChecked(Payload):
 
 
 class PlanJudged(Payload):
-    """Step 6: the judge's verdict; None with an error means hold."""
+    """Step 6: the judge's verdict; with None and an error, the plan is on hold."""
 
     kind: Literal["plan_judged"] = "plan_judged"
     attempt: int
@@ -130,7 +132,7 @@ class PlanJudged(Payload):
 
 
 class OrderReadAgain(Payload):
-    """Step 6: another model's reading of an order that planner or judge was unsure about."""
+    """Step 6: the second reader's reading of an order of which planner or judge was unsure."""
 
     kind: Literal["order_read_again"] = "order_read_again"
     attempt: int
@@ -144,7 +146,7 @@ class OrderReadAgain(Payload):
 
 
 class RepairRequested(Payload):
-    """Step 5: the findings go back to the planner for another attempt."""
+    """Step 5: the faults of a plan go back to the planner for another attempt."""
 
     kind: Literal["repair_requested"] = "repair_requested"
     attempt: int
@@ -152,21 +154,25 @@ class RepairRequested(Payload):
 
 
 class ApprovalRequested(Payload):
-    """Step 7: the request to the operator, with the obstacles and the necessary acts."""
+    """Step 7: the request to the operator for a decision on a plan or a standing order."""
 
     kind: Literal["approval_requested"] = "approval_requested"
-    request_id: str = Field(default="", description="a decision may name it, see Decision")
+    request_id: str = Field(default="", description="the id to which a decision may refer")
     attempt: int
     plan: Plan
     blocked_by: tuple[str, ...] = Field(default=(), description="reasons that cannot be overridden")
-    acknowledge: tuple[str, ...] = Field(default=(), description="rule ids of warnings")
+    acknowledge: tuple[str, ...] = Field(
+        default=(), description="ids of the broken rules to acknowledge"
+    )
     broken_anyway: tuple[str, ...] = Field(
         default=(),
         exclude_if=lambda rules: not rules,
-        description="those of `acknowledge` that are broken without the plan as well; only for a "
-        "plan that a standing order may approve",
+        description="those of `acknowledge` that would be broken without the plan as well; only "
+        "for a plan that a standing order may approve",
     )
-    needs_override: bool = Field(default=False, description="the judge's verdict is Failure")
+    needs_override: bool = Field(
+        default=False, description="true if the judge's verdict is Failure"
+    )
     if_halted: tuple[Action, ...] = Field(
         default=(),
         description="the way to safety: each agent's command if the plan is halted or cancelled "
@@ -174,12 +180,12 @@ class ApprovalRequested(Payload):
     )
     asked: str = Field(
         default="",
-        description="the plan's reading, in canonical words; empty if no other is offered",
+        description="the plan's reading, in canonical words; empty if no other reading is offered",
     )
     approvals: dict[str, int] = Field(
         default={},
         exclude_if=lambda approvals: not approvals,
-        description="acts of it that several people must approve, with their number",
+        description="acts that several people must approve, each with the number of people",
     )
     readings: tuple[str, ...] = Field(
         default=(),
@@ -191,16 +197,16 @@ class ApprovalRequested(Payload):
     )
     confidence: Share | None = Field(
         default=None,
-        description="how often orders read like this were right; None if one of the models has "
-        "not read the order itself",
+        description="how often orders read like this were right; None if one of the models did "
+        "not read the order by itself",
     )
     read_apart: bool = Field(
         default=False,
-        description="another reader has a different reading, which may be the right one",
+        description="another reader has a different reading, which may be right",
     )
     state: ApprovalState | None = Field(
         default=None,
-        description="the state for the operator; None in the log of an older console",
+        description="the state of the plan for the operator; None in the log of an older console",
     )
     standing: StandingOrder | None = Field(
         default=None,
@@ -210,7 +216,8 @@ class ApprovalRequested(Payload):
     proposed_by: str = Field(
         default="",
         exclude_if=lambda name: not name,
-        description="name of the agent whose mission it is; no standing instruction approves it",
+        description="name of the agent that proposed the mission, which no standing instruction "
+        "may approve",
     )
 
     def decided(self, kind: DecisionKind, **given: Any) -> Decision:
@@ -218,7 +225,7 @@ class ApprovalRequested(Payload):
         return Decision(kind=kind, request_id=self.request_id, **given)
 
     def approved(self, reason: str = "", by: str = "operator") -> Decision:
-        """Return an approval that gives every acknowledgement and override that is needed."""
+        """Return an approval with every acknowledgement and override that the request requires."""
         return self.decided(
             "approve",
             by=by,
@@ -229,7 +236,7 @@ class ApprovalRequested(Payload):
 
 
 class DecisionMade(Payload):
-    """The operator's decision; `accepted` is False if it was not admissible; `detail` is why."""
+    """The decision on a request; if it is not `accepted`, `detail` is the reason."""
 
     binding: ClassVar[bool] = True
 
@@ -241,7 +248,7 @@ class DecisionMade(Payload):
 
 
 class PlanVoided(Payload):
-    """The picture changed under an approved plan, which is checked again."""
+    """A change of the picture made a plan void, for the `reason` given."""
 
     kind: Literal["plan_voided"] = "plan_voided"
     attempt: int

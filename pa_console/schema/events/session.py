@@ -1,4 +1,4 @@
-"""Events of the session: start and end, telemetry, command, models, log and TAK server."""
+"""Events of the session: start and end, telemetry, command, models, log, stills, TAK server."""
 
 from datetime import datetime
 from typing import Annotated, ClassVar, Literal
@@ -24,21 +24,21 @@ Level = Literal["info", "warning", "alarm"]
 IncidentSource = Literal["operator", "scenario"]
 ServerState = Literal["probing", "ready", "unconstrained", "away"]
 WorkerState = Literal["loading", "ready", "unconfined", "slow", "dead", "unavailable"]
-"""The states of a worker; an `unconfined` one is ready, in a process that this system does not
-confine."""
+"""The states of a worker. An `unconfined` worker is ready, but this system cannot confine its
+process."""
 
 MOST_CONTACTS = 64
-"""The number of contacts kept at a time."""
+"""The largest number of contacts that are kept at a time."""
 
 MOST_UID, MOST_CALLSIGN = 128, 48
-"""The limits in characters: a longer uid is invalid, a longer call sign is cut off."""
+"""The limits on characters: a longer uid is invalid, and a longer call sign is cut off."""
 
 
 class SessionStarted(Payload):
     """The start of a session, with everything that is needed to run it again.
 
-    A session with an altered `rules_seal` was started with --unsigned; a session from before seals
-    were introduced has none.
+    If `rules_seal` is altered, the session was started with --unsigned. Sessions from before seals
+    were introduced have no `rules_seal`.
     """
 
     kind: Literal["session_started"] = "session_started"
@@ -67,15 +67,15 @@ class SessionStarted(Payload):
     servers: dict[ServerUse, str] = Field(
         default={},
         exclude_if=lambda servers: not servers,
-        description="models on servers by use; they are asked before the session's own model",
+        description="models on servers by use, which are asked before the local model",
     )
 
 
 class SessionResumed(Payload):
-    """The session continues in its own log after its console had ended without closing it.
+    """The session continues in its own log, because its console had ended without closing it.
 
-    This sends no command. The missions `interrupted` were in progress and end as held. Missions
-    that had not begun wait again, open alarms stay open, and a stop stays in effect.
+    No command is sent. The missions `interrupted` were in progress and end as held. Missions that
+    had not begun wait again, open alarms stay open, and a stop stays in effect.
     """
 
     kind: Literal["session_resumed"] = "session_resumed"
@@ -86,8 +86,8 @@ class SessionResumed(Payload):
 class CommandTaken(Payload):
     """Command of the site was taken from another station, whose session is refused from now on.
 
-    `records` is the number of the last record of that session's log received here, and `head` is
-    its hash. `by` is the commander who signed the `epoch`.
+    `records` is the number of the last record that was received from that session's log, and `head`
+    is its hash. `by` is the commander who signed the `epoch`.
     """
 
     binding: ClassVar[bool] = True
@@ -102,9 +102,9 @@ class CommandTaken(Payload):
 
 
 class AuthorityChanged(Payload):
-    """A change of this station's right to command: `refusal` is the reason why not, '' if it may.
+    """A change of this station's right to command, by a takeover or because its key was revoked.
 
-    It occurs when another station takes command, and when the key of this station is revoked.
+    `refusal` is the reason why the station may not command; '' if it may.
     """
 
     binding: ClassVar[bool] = True
@@ -114,10 +114,10 @@ class AuthorityChanged(Payload):
 
 
 class RulesReplaced(Payload):
-    """Another rule set is in force; missions in progress keep the set they began with.
+    """Another rule set is in force; missions in progress keep the set with which they began.
 
-    `changes` lists the differences from the set before, by rule. `rule_set` is the whole set, so
-    that the session can be run again even if the file is lost.
+    `changes` lists the differences from the previous set, by rule. `rule_set` is the whole new set,
+    so that the session can be run again even if the file is lost.
     """
 
     binding: ClassVar[bool] = True
@@ -138,7 +138,7 @@ class TelemetryReceived(Payload):
 
 
 class IncidentHappened(Payload):
-    """An incident was injected into the simulation: set-up, scenario or what-if."""
+    """An incident in the simulation, from a set-up, a scenario or a what-if."""
 
     kind: Literal["incident"] = "incident"
     incident: Incident
@@ -146,7 +146,7 @@ class IncidentHappened(Payload):
 
 
 class Noticed(Payload):
-    """A notable change: a gate lost or covered, a track detected, an asset down."""
+    """A notable change, such as a gate lost or covered, a track detected, or an asset down."""
 
     kind: Literal["noticed"] = "noticed"
     level: Level
@@ -163,11 +163,11 @@ class WorkerChanged(Payload):
 
 
 class ServerChanged(Payload):
-    """A new state of a model's server: being probed, ready, unconstrained or away."""
+    """A new state of a model's server: probing, ready, unconstrained or away."""
 
     kind: Literal["server"] = "server"
     server: str = Field(description="openai:BASE_URL#NAME")
-    serves: tuple[ServerUse, ...] = Field(description="its uses")
+    serves: tuple[ServerUse, ...] = Field(description="the uses of its model")
     state: ServerState
     detail: str = ""
 
@@ -180,7 +180,10 @@ class SessionEnded(Payload):
 
 
 class LogTroubled(Payload):
-    """The log cannot be written, so nothing is dispatched; an empty `problem` is the all-clear."""
+    """The log cannot be written, so nothing is dispatched.
+
+    If `problem` is '', the log can be written again.
+    """
 
     transient: ClassVar[bool] = True
 
@@ -189,11 +192,12 @@ class LogTroubled(Payload):
 
 
 class LogSigned(Payload):
-    """The log's own record, not emitted by a session: a key vouches for all lines up to it.
+    """A signature for all lines up to it, which the log adds and no session emits.
 
-    `signature` is the Ed25519 signature by `key` of the record without `hash` and `signature`, and
-    thus also covers the hash of the previous record. `found` is the number of unsigned records
-    before it when the log was opened again; `closing` is True for the last record.
+    `signature` is the Ed25519 signature by `key` of the record without `hash` and `signature`, so
+    it also covers the hash of the previous record. `found` is the number of unsigned records before
+    it that were in the log when it was opened again. `closing` is True for a closed log's last
+    record.
     """
 
     transient: ClassVar[bool] = True
@@ -209,16 +213,16 @@ StillFormat = Literal["png", "jpg"]
 
 
 class CameraStill(Payload):
-    """The still of a track shown to an operator, or the `problem` if there is none.
+    """The still of a track that an operator was shown, or the `problem` if there is no still.
 
-    No part that plans, checks or judges reads it. The file is kept beside the log.
+    Planning, checks and the judge do not read it. The file is kept beside the log.
     """
 
     kind: Literal["camera_still"] = "camera_still"
     track: Name
     camera: Name
-    taken_s: NonNegative = Field(description="time on the fleet's clock")
-    sha256: Hex32 | None = Field(default=None, description="of the file that is kept")
+    taken_s: NonNegative = Field(description="time at which it was taken, on the fleet's clock")
+    sha256: Hex32 | None = Field(default=None, description="SHA-256 of the file that is kept")
     format: StillFormat = "png"
     problem: str = ""
 
@@ -230,7 +234,7 @@ class CameraStill(Payload):
 
 TakState = Literal["connected", "away"]
 LossReason = Literal["stale", "removed", "left"]
-"""The reasons for the loss of a contact: its report has expired, its sender removed it from the
+"""The reasons why a contact is lost: its report has expired, its sender has removed it from the
 map, or it has left the site."""
 
 ClaimedAffiliation = Literal[
@@ -245,25 +249,29 @@ Count = Annotated[int, Field(ge=0)]
 
 
 class ReportedContact(StrictModel):
-    """A TAK client's report of an object; `at` is in metres, like all positions."""
+    """A TAK client's report of an object; `at` is in metres, as all positions are."""
 
     uid: str = Field(min_length=1, max_length=MOST_UID)
     callsign: str = Field(default="", max_length=MOST_CALLSIGN)
     affiliation: ClaimedAffiliation
     what: ClaimedKind
     at: Point
-    error_m: NonNegative | None = Field(default=None, description="radius, None if not reported")
-    time: datetime = Field(description="claimed time of the position, not after its reception")
+    error_m: NonNegative | None = Field(
+        default=None, description="radius of the error; None if it was not reported"
+    )
+    time: datetime = Field(
+        description="claimed time of the position, at the latest that of its reception"
+    )
     stale: datetime = Field(description="claimed time of expiry, up to a limit")
 
     @property
     def name(self) -> str:
-        """The name of the object: its call sign, else its uid."""
+        """The name of the object: its call sign, or else its uid."""
         return self.callsign or self.uid
 
 
 class TakChanged(Payload):
-    """The connection to the TAK server was made, or was lost and is retried."""
+    """The connection to the TAK server was made, or was lost and is being retried."""
 
     kind: Literal["tak"] = "tak"
     server: str = Field(description="tls://HOST:PORT or tcp://HOST:PORT")
@@ -272,7 +280,7 @@ class TakChanged(Payload):
 
 
 class ContactReported(Payload):
-    """A contact is new, or its report or its position has changed."""
+    """A new contact, or a contact whose report or position has changed."""
 
     kind: Literal["contact_reported"] = "contact_reported"
     contact: ReportedContact
@@ -287,9 +295,9 @@ class ContactLost(Payload):
 
 
 class ContactsLeftOut(Payload):
-    """The numbers of the server's messages that are not shown, so far.
+    """The numbers, so far, of the TAK server's messages that are not shown.
 
-    `outside` counts contacts beyond the site, `too_many` those beyond the limits of number and
+    `outside` counts contacts beyond the site, `too_many` contacts beyond the limits on number and
     rate, and `unreadable` malformed events.
     """
 
@@ -300,7 +308,7 @@ class ContactsLeftOut(Payload):
 
 
 UNVERIFIED = (TakChanged, ContactReported, ContactLost, ContactsLeftOut)
-"""The events of a TAK server; no part that answers, plans or decides reads them."""
+"""The events of a TAK server, which are never used for answers, plans or decisions."""
 
 OutsideReport = TakChanged | ContactReported | ContactLost | ContactsLeftOut | Noticed
-"""All events that a TAK server can cause in a session; none of them is a picture or an order."""
+"""All events that a TAK server can cause in a session. None of them has a picture or an order."""

@@ -1,4 +1,4 @@
-"""Records of a session log: canonical JSON, the hash chain, and reading a log line by line.
+"""The records of a session log: their canonical JSON, their hash chain, and reading them.
 
 A record is a JSON object with the fields of `FIELDS`, in that order. `hash` is the SHA-256, in
 hexadecimal, of the record without `hash` as canonical JSON. `prev` is the `hash` of the previous
@@ -30,14 +30,14 @@ KINDS = frozenset(
     payload.model_fields["kind"].default for payload in get_args(get_args(EventPayload)[0])
 )
 LINE_LIMIT = 4 << 20
-"""The limit on the length of a line; the picture of a thousand assets takes a seventh of it."""
+"""The limit on the bytes of a line; the picture of a thousand assets takes a seventh of it."""
 
 _TEXT = rb'"(?:[^"\\]|\\.)*"'
 RECORD_START = re.compile(
     rb'\{"seq":\d+,"t":"([^"\\]+)","tick":-?\d+,"session":' + _TEXT
     + rb',"mission":(?:null|(' + _TEXT + rb')),"kind":"([a-z_]+)"'
 )  # fmt: skip
-"""The start of a record with its `t`, mission and kind: enough to skip most lines unparsed."""
+"""The start of a record, with its `t`, mission and kind, by which most lines can be skipped."""
 
 TORN = "the line is cut short: it has no line end"
 _JSON = TypeAdapter(Any)
@@ -45,14 +45,14 @@ _DISK_FULL = frozenset((errno.ENOSPC, errno.EDQUOT))
 
 
 class LogError(DocumentError):
-    """A session log that cannot be written or read; `line` is 0 without a line."""
+    """An error for a session log that cannot be written or read; `line` is 0 if it has no line."""
 
     def __init__(self, source: str, line: int, problem: str) -> None:
         super().__init__(source, line, "", problem)
 
 
 def os_error(path: Path, task: str, error: OSError) -> LogError:
-    """Return `error`, raised by `task` on the log at `path`, in words for the user."""
+    """Return the LogError for the `error` of a `task` on the log at `path`, with a remedy."""
     reason = error.strerror or str(error)
     if not isinstance(error, NotPrivateError):
         remedy = "free some space on that disk" if error.errno in _DISK_FULL else "check the path"
@@ -62,7 +62,7 @@ def os_error(path: Path, task: str, error: OSError) -> LogError:
 
 @dataclass(frozen=True)
 class LogRecord:
-    """A line of the log as it was read; its place in the chain has not been checked yet."""
+    """A line of the log as it was read, before its place in the chain has been checked."""
 
     text: str
     fields: dict[str, Any]
@@ -82,9 +82,9 @@ def encodable(text: str) -> str:
 def seal(
     event: Event, *, session: str, seq: int, prev: str, signer: Signer | None = None
 ) -> tuple[str, str]:
-    """Return the record of `event` as one line of text (no line end), and its hash.
+    """Return the record of `event` as one line of text, without its line end, and its hash.
 
-    Lone surrogates become question marks. `signer` signs a LogSigned event.
+    Lone surrogates become question marks. If a `signer` is given, it signs the LogSigned event.
     """
     moment = event.t.astimezone(UTC).replace(tzinfo=None).isoformat(timespec="microseconds")
     fields: dict[str, Any] = {
@@ -119,7 +119,7 @@ def signed_part(fields: dict[str, Any]) -> bytes:
 
 
 def parse(line: bytes) -> LogRecord:
-    """Parse one line of a log, without its line end; raise ValueError with the first problem."""
+    """Parse one line of a log, without its line end; raises ValueError for the first problem."""
     text, fields = _load(line)
     if tuple(fields) != FIELDS:
         raise ValueError(f"not a record of a session log: its fields must be {', '.join(FIELDS)}")
@@ -130,7 +130,7 @@ def parse(line: bytes) -> LogRecord:
         raise ValueError("data must be an object")
     content = {key: fields[key] for key in ("t", "tick", "mission")}
     content["data"] = {**cast(dict[str, Any], data), "kind": kind}
-    # Strict models read dates and tuples from JSON only, so the event goes through JSON again.
+    # Strict models accept dates and tuples only from JSON, so the event goes through JSON again.
     try:
         return LogRecord(text, fields, Event.model_validate_json(_JSON.dump_json(content)))
     except ValidationError as error:
@@ -140,10 +140,10 @@ def parse(line: bytes) -> LogRecord:
 
 
 def own_problem(record: LogRecord) -> str:
-    """Return the problem of `record` by itself; '' if it is as it was written."""
-    # The text is compared too, because another spelling of the same JSON has the same hash.
+    """Return the problem of `record` apart from the chain; '' if it is as it was written."""
+    # The text is compared too, because the same JSON in another notation has the same hash.
     if _in_order(record.fields) != record.text or record.hash != digest(record.fields):
-        return "the record was edited: its hash does not match what it says"
+        return "the record was edited: its hash does not match its content"
     return ""
 
 
@@ -156,7 +156,7 @@ def link_problem(record: LogRecord, before: LogRecord | None) -> str:
     if fields["seq"] != seq:
         return f"seq is {fields['seq']}, not {seq}: a record was removed, inserted or moved"
     if fields["prev"] != prev:
-        return "prev is not the hash of the record before: that record was replaced"
+        return "prev is not the hash of the previous record: that record was replaced"
     if before is not None and fields["session"] != before.fields["session"]:
         return f"the record is of another session, “{fields['session']}”"
     return ""
@@ -169,16 +169,16 @@ def lines_of(file: IO[bytes]) -> Iterator[bytes]:
 
 
 def end_problem(line: bytes) -> str:
-    """Return the problem with the end of `line`, one of `lines_of`; '' for a complete line."""
+    """Return the problem with the end of `line`, which `lines_of` yielded; '' if it is complete."""
     if line.endswith(b"\n"):
         return ""
     if len(line) < LINE_LIMIT:
         return TORN
-    return f"the line is longer than {LINE_LIMIT >> 20} MiB: no record of a session log is"
+    return f"the line is longer than {LINE_LIMIT >> 20} MiB, the limit for a record"
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Yield (line number from 1, line without its end).
+    """Yield each line of a log without its line end, with its number from 1.
 
     Raises LogError for an incomplete last line and for a line beyond LINE_LIMIT.
     """
@@ -203,14 +203,14 @@ def _read_events(path: Path) -> Iterator[tuple[int, Event]]:
 
 
 def read_log(path: Path) -> Iterator[Event]:
-    """Yield the events of a log without checking the chain; raise LogError at a bad line."""
+    """Yield the events of a log without checking the chain; raises LogError for a bad line."""
     return (event for _, event in _read_events(path))
 
 
 def session_start(first: Event | None, log: Path) -> SessionStarted:
-    """Return the start of the session of `log` from its first event; None is an empty log.
+    """Return the start of the session of `log`, given the log's `first` event.
 
-    Raises LogError if the event is not the start of a session.
+    Raises LogError if `first` is None (the log is empty) or not the start of a session.
     """
     if first is None:
         raise LogError(str(log), 1, "the log is empty")
@@ -220,10 +220,10 @@ def session_start(first: Event | None, log: Path) -> SessionStarted:
 
 
 def line_of(path: Path, event: int) -> int:
-    """Return the line of event number `event`, both counted from 1; 0 if there is none.
+    """Return the line number of event number `event`, both from 1; 0 if there is no such event.
 
-    Signatures have their own lines, so the two numbers differ. Raises LogError for a bad line
-    before that event.
+    The two numbers differ, because signatures have lines of their own. Raises LogError for a bad
+    line before that event.
     """
     numbers = (number for number, _ in _read_events(path))
     return next((line for at, line in enumerate(numbers, start=1) if at == event), 0)

@@ -1,4 +1,4 @@
-"""The journal: logging the events of a station, which dispatches nothing that is not logged."""
+"""The journal: the log of a station's events; no command is dispatched before it is logged."""
 
 import asyncio
 from collections.abc import Callable
@@ -8,34 +8,35 @@ from pa_console.session.log.writer import LogWriter
 
 
 class Journal:
-    """The log of the station's events; `problem` is the reason why nothing may be dispatched.
+    """The log of the station's events; `problem` is the reason why no command may be dispatched.
 
-    All decisions and commands of one moment are signed together: when the event loop is free again,
-    and at the latest before the next simulation step. So none takes effect before it is signed, and
-    a stop does not wait for a disk between two of its commands.
+    All decisions and commands of one moment are signed together, once the event loop is free and at
+    the latest before the next simulation step. A decision therefore takes effect only after it is
+    signed, and a stop does not wait for the disk between its commands.
     """
 
     def __init__(self) -> None:
-        """Begin without a log; then nothing is written, and there is no problem."""
+        """Begin without a log; until `open`, nothing is written and `problem` is ''."""
         self.problem = ""
         self._log: LogWriter | None = None
         self._tell: Callable[[ev.LogTroubled | ev.Noticed], None] = _nobody
         self._due: asyncio.Handle | None = None
 
     def open(self, log: LogWriter, tell: Callable[[ev.LogTroubled | ev.Noticed], None]) -> None:
-        """Write to `log`, which reports its own errors.
+        """Write to `log` from now on.
 
-        `tell` is called with every new `problem`, and with changes of the log's witness.
+        `tell` is called with an event when `problem` changes, or when the log's witness stops or
+        resumes receiving heads.
         """
         self._log, self._tell = log, tell
 
     @property
     def head(self) -> str:
-        """The hash of the log's last record, which covers all before it; '' without a log."""
+        """The hash of the log's last record, which covers all earlier records; '' without a log."""
         return self._log.head if self._log is not None else ""
 
     def append(self, event: ev.Event) -> None:
-        """Log one event; an event that may not wait is signed as soon as the event loop is free."""
+        """Log one event; an urgent event is signed as soon as the event loop is free."""
         if self._log is None:
             return
         self._log.append(event, commit=False)
@@ -44,7 +45,7 @@ class Journal:
         self._look(self._log)
 
     def commit(self) -> str:
-        """Sign decisions and commands and write them to disk now; return the `problem`, or ''."""
+        """Sign decisions and commands and write them to disk now; return the `problem`."""
         if self._due is not None:
             self._due.cancel()
             self._due = None

@@ -1,9 +1,9 @@
-"""The index of the sessions in a folder of logs; it reveals a deleted or cut log.
+"""The index of the sessions in a folder of logs, which reveals a deleted or shortened log.
 
 `sessions.index` has a line for each session that began, with the hash of its first record, and one
 for each session that ended, with the hash of its last record. Each line is signed and has the
-SHA-256 of the previous line. A copy of the last line is kept beside the signing key: an attacker
-who can only change the logs cannot cut the index unnoticed, and a removed line leaves a gap.
+SHA-256 of the previous line, so a removed line leaves a gap. A copy of the last line is kept beside
+the signing key, so an attacker who can only change the folder cannot shorten the index unnoticed.
 """
 
 import fcntl
@@ -30,15 +30,15 @@ from pa_console.signing import SignedLine, Signer, fingerprint, key_path
 
 INDEX_NAME = "sessions.index"
 LOCK_S, LOCK_STEP_S = 5.0, 0.01
-"""Seconds to wait for another console that is writing its line, and seconds between attempts."""
+"""The seconds to wait while another console writes its line, and the seconds between attempts."""
 _CHUNK = 1 << 20
 
 
 class IndexLine(SignedLine):
-    """A statement by `key`: `log` has at least `records` records, and the last of them has `hash`.
+    """A statement signed by `key`: record number `records` of `log` exists and has `hash`.
 
-    A log whose session has `ended` has no further records. `seq` is the number of the line, `prev`
-    the hash of the previous line.
+    If the session has `ended`, the log has no further records. `seq` is the number of the line, and
+    `prev` is the hash of the previous line.
     """
 
     PURPOSE: ClassVar = b"pa-console index of sessions, line\n"
@@ -65,7 +65,7 @@ def anchor_path(folder: Path) -> Path:
 
 
 class SessionIndex:
-    """A writer to the index in the folder of a console's log."""
+    """A writer of lines to the index in the folder of a console's log."""
 
     def __init__(self, folder: Path, signer: Signer) -> None:
         self._folder, self._signer = folder, signer
@@ -73,8 +73,8 @@ class SessionIndex:
     def add(self, log: str, session: str, records: int, head: str, *, ended: bool) -> None:
         """Add a line: `log` has `records` records, and the last of them has the hash `head`.
 
-        It follows the last line that this machine wrote, even if that line is gone, so that the gap
-        stays visible. Raises OSError.
+        The new line refers to the last line that this machine wrote, even if that line is gone, so
+        that the gap stays visible. Raises OSError if the index cannot be written.
         """
         index, anchor = index_path(self._folder), anchor_path(self._folder)
         make_private_folder(anchor.parent)
@@ -99,8 +99,8 @@ class SessionIndex:
                 session=encodable(session),
             ).line
             write_all(file, line)
-            # The line must be on the disk before its anchor; otherwise a crash would look like a
-            # cut index.
+            # The line must be on the disk before its anchor; otherwise, after a crash, the index
+            # would look shortened.
             os.fsync(file)
             replace_private(anchor, line)
             with suppress(OSError):
@@ -116,9 +116,9 @@ class SessionIndex:
 
 
 def _whole_lines(content: bytes) -> tuple[list[bytes], bytes]:
-    """Return the lines of an index, and an incomplete last one.
+    """Return the complete lines of an index, and the incomplete last line, if any.
 
-    An incomplete line has no anchor either: power failed while it was written.
+    An incomplete line was never anchored, because power failed while it was written.
     """
     end = content.rfind(b"\n") + 1
     return content[:end].splitlines(keepends=True), content[end:]
@@ -130,7 +130,7 @@ def line_hash(line: bytes) -> str:
 
 
 def read_anchor(folder: Path) -> bytes:
-    """Return the last line that this machine wrote to the index of `folder`; b"" if none."""
+    """Return the anchor: the last line that this machine wrote to the index of `folder`, or b""."""
     try:
         return anchor_path(folder).read_bytes()
     except FileNotFoundError:
@@ -138,18 +138,18 @@ def read_anchor(folder: Path) -> bytes:
 
 
 def _end(lines: list[bytes], anchor: bytes) -> tuple[int, str]:
-    """Return the number and the hash of the line after which the next line must come."""
+    """Return the number and the hash of the line that the next line must follow."""
     last = lines[-1] if lines else b""
     records = _number(last) if last else 0
     kept = _number(anchor) if anchor else 0
-    # After a cut, the new line follows the anchor, so that the gap in the numbers remains.
+    # If the index was shortened, the new line follows the anchor, so that a gap remains.
     if kept > records or (kept == records and last != anchor):
         return kept, line_hash(anchor)
     return (records or len(lines), line_hash(last)) if last else (0, GENESIS)
 
 
 def _number(line: bytes) -> int:
-    """Return the number of a line, or 0 if its signature is not valid."""
+    """Return the number of a line, or 0 if the line is not valid."""
     try:
         return IndexLine.parse(line).seq
     except ValueError:
@@ -157,7 +157,7 @@ def _number(line: bytes) -> int:
 
 
 def _lock(file: int) -> None:
-    """Wait until no other console writes; raise BlockingIOError after LOCK_S."""
+    """Lock the index, waiting for other consoles; raises BlockingIOError after LOCK_S."""
     for _ in range(round(LOCK_S / LOCK_STEP_S)):
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -170,7 +170,7 @@ def _lock(file: int) -> None:
 
 @dataclass(frozen=True)
 class IndexedSession:
-    """A session in the index; `problem` is the damage to its log, '' if there is none."""
+    """A session in the index; `problem` is the damage to its log, or '' without damage."""
 
     log: str
     session: str
@@ -182,7 +182,7 @@ class IndexedSession:
 class IndexReport:
     """The sessions of an index in order, and the problems of the index itself.
 
-    `copies` are logs in the folder that repeat the log of a session under another name.
+    `copies` are logs in the folder that repeat the log of an indexed session under another name.
     """
 
     sessions: tuple[IndexedSession, ...] = ()
@@ -196,7 +196,7 @@ class IndexReport:
         return (*self.problems, *logs)
 
     def of(self, log: Path) -> str:
-        """Return the problem of `log` by the index; '' if it has none or is not listed."""
+        """Return the problem that the index reveals in `log`; '' if there is none."""
         problems = (status.problem for status in self._logs if status.log == log.name)
         return next(filter(None, problems), "")
 
@@ -230,7 +230,7 @@ def check_index(folder: Path, accepted: Collection[str]) -> IndexReport:
 def _chain(
     name: str, content: bytes, accepted: Collection[str], entries: list[IndexLine]
 ) -> Iterator[str]:
-    """Check the lines to the end; add the valid ones to `entries` and yield the problems."""
+    """Check every line; add the accepted lines to `entries`, and yield the problems."""
     seq, prev, sound = 0, GENESIS, True
     for number, line in enumerate(_whole_lines(content)[0], start=1):
         try:
@@ -260,7 +260,7 @@ def _sessions(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession
 
 
 def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
-    """Yield the logs outside the index whose first record is that of a log in the index."""
+    """Yield the logs that are not in the index but have the first record of a log that is."""
     begun = {entry.hash: entry for entry in entries if entry.records == 1}
     names = {entry.log for entry in entries}
     if not begun:
@@ -275,7 +275,7 @@ def _copies(folder: Path, entries: list[IndexLine]) -> Iterator[IndexedSession]:
 
 
 def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
-    """Return the difference between `log` and its `lines` in the index; '' if there is none."""
+    """Return how `log` differs from its `lines` in the index; '' if it does not differ."""
     if log.name != lines[0].log or not log.is_file():
         return f"the log of session {session} is missing"
     try:
@@ -297,7 +297,7 @@ def _problem(log: Path, session: str, lines: list[IndexLine]) -> str:
 
 
 def _ends(log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the first and last complete lines of `log` as records, {} for invalid ones."""
+    """Return the first and the last complete line of `log` as records; {} for an invalid line."""
     with log.open("rb") as file:
         first = file.readline()
         at, tail = file.seek(0, 2), b""

@@ -1,6 +1,6 @@
-"""The signed head of a log, `LOG.head`: the least length of the log, which reveals any cut.
+"""The signed head of a log, `LOG.head`, which states the log's least length and reveals a cut.
 
-The head is replaced after the records that it covers are on the disk. A crash in between leaves the
+The head is replaced once the records that it covers are on the disk. A crash in between leaves the
 previous head, which is still true.
 
 The owner of the signing key can rewrite and sign a log, but cannot change the heads that a witness
@@ -27,7 +27,7 @@ from pa_console.session.log.chain import LogError, encodable, os_error, parse, r
 from pa_console.signing import SignedLine, Signer, fingerprint
 
 EVERY_S = 10.0
-"""Seconds between heads that are not sent because of a decision."""
+"""The least time between two heads for the witness that are not urgent, in seconds."""
 TIMEOUT_S = 5.0
 RETRY_S = 10.0
 URLS = ("http://", "https://")
@@ -35,10 +35,9 @@ Send = Callable[[bytes], None]
 
 
 class SignedHead(SignedLine):
-    """A statement by `key`: the log has at least `seq` records, and record `seq` has `hash`.
+    """A statement signed by `key`: the log has at least `seq` records, and record `seq` has `hash`.
 
-    A `closed` log has no further records. A log that was only opened has `seq` 0 and the hash
-    GENESIS.
+    A `closed` log has no further records. A log without records has `seq` 0 and the hash GENESIS.
     """
 
     PURPOSE: ClassVar = b"pa-console session log, head\n"
@@ -62,9 +61,9 @@ def sign_head(session: str, seq: int, head: str, closed: bool, signer: Signer) -
 
 
 def write_head(log: Path, head: SignedHead, *, lasting: bool) -> None:
-    """Replace the head of `log`; the records up to `head` must already be on the disk.
+    """Replace the head of `log`; the records that `head` covers must already be on the disk.
 
-    With `lasting`, the folder is synced too. Raises OSError, and then the old head is kept.
+    With `lasting`, the folder is synced too. If this raises OSError, the old head is kept.
     """
     path = head_path(log)
     replace_private(path, head.line)
@@ -76,7 +75,7 @@ def write_head(log: Path, head: SignedHead, *, lasting: bool) -> None:
 def read_head(log: Path) -> SignedHead | None:
     """Return the head of `log`, or None if there is none.
 
-    Raises ValueError for an invalid head, LogError if it cannot be read.
+    Raises ValueError if the head is invalid, LogError if it cannot be read.
     """
     path = head_path(log)
     try:
@@ -89,11 +88,11 @@ def read_head(log: Path) -> SignedHead | None:
 
 
 def require_head(log: Path, session: str, seq: int, public: str | None) -> SignedHead | None:
-    """Return the head of a log that is continued after `seq` records, or None.
+    """Return the head of a log that is continued after `seq` records, or None if it has none.
 
-    A head left over from a deleted log of another session is ignored for a new log. Raises LogError
-    if the head is of another session, covers more than `seq` records, or is not signed by the key
-    `public`, if that is given.
+    For a new log, the head of a deleted log of another session is ignored. Otherwise raises
+    LogError if the head is of another session. Raises LogError also if the head covers more than
+    `seq` records, or is not signed by the key `public`, if that is given.
     """
     try:
         head = read_head(log)
@@ -105,7 +104,7 @@ def require_head(log: Path, session: str, seq: int, public: str | None) -> Signe
     if head.session != own:
         problem = f"it is the head of the log of session “{head.session}”"
     elif head.seq > seq:
-        problem = f"the log was cut short: {head.seq} records were signed and {seq} are there"
+        problem = f"the log was cut short: {head.seq} records were signed, {seq} are left"
     elif public is not None and head.key != public:
         problem = "the log was signed by another key"
     if problem:
@@ -122,19 +121,19 @@ class HeadKeeper:
     def __init__(
         self, log: Path, sync: Callable[[], None], seen: Callable[[SignedHead, bool], None]
     ) -> None:
-        """Start the thread for `log`; `sync` waits until its records are on disk or raises OSError.
+        """Start the thread for `log`; `sync` waits until the log's records are on the disk.
 
-        `seen` is called with each head whose records are on the disk, and True if a caller waits
-        for it.
+        `sync` may raise OSError. `seen` is called with each head whose records are on the disk, and
+        with True if the head is urgent.
         """
         self._log, self._sync, self._seen = log, sync, seen
         self._thread = ThreadPoolExecutor(1, "log-head")
         self._writing: Future[None] | None = None
 
     def keep(self, head: SignedHead) -> None:
-        """Write `head` soon; skip it while an earlier one is written, since the next covers more.
+        """Write `head` soon, unless an earlier head is being written; a later head covers more.
 
-        Raises the OSError of the last write.
+        Raises OSError if the last write failed.
         """
         before = self._writing
         if before is not None and not before.done():
@@ -144,18 +143,18 @@ class HeadKeeper:
             before.result()
 
     def keep_now(self, head: SignedHead) -> None:
-        """Write `head`, whose records are on the disk, and sync its folder; raises OSError."""
+        """Write `head` now, whose records are on the disk, and sync its folder; raises OSError."""
         self._wait()
         self._seen(head, True)
         write_head(self._log, head, lasting=True)
 
     def close(self) -> None:
-        """Wait for a head that is being written, and write no more."""
+        """Wait for a head that is being written, then end the thread."""
         self._wait()
         self._thread.shutdown()
 
     def _wait(self) -> None:
-        # The error of an earlier head no longer matters: the next head replaces it.
+        # The error of an earlier head no longer matters, because the next head replaces that head.
         if self._writing is not None:
             self._writing.exception()
             self._writing = None
@@ -167,16 +166,16 @@ class HeadKeeper:
 
 
 class Witness:
-    """A thread that sends heads; only `close` waits for it, for at most TIMEOUT_S.
+    """A thread that sends heads to a witness; only `close` waits for it, at most TIMEOUT_S.
 
-    Of several waiting heads only the last is sent, because it covers the records of the others.
+    Of several waiting heads, only the last is sent, because it covers the records of the others.
     `problem` is the error of the last attempt, or '' if it succeeded.
     """
 
     def __init__(
         self, target: str, *, send: Send | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Start the thread; `target` is the path of a file, or an http:// or https:// address."""
+        """Start the thread; `target` is the path of a file, or an http(s) address."""
         self.target, self.problem = target, ""
         self._send = send or (_to_url(target) if target.startswith(URLS) else _to_file(target))
         self._clock = clock
@@ -189,7 +188,7 @@ class Witness:
         self._thread.start()
 
     def see(self, head: SignedHead, *, urgent: bool) -> None:
-        """Send `head` soon; skip it if not `urgent` and the last was less than EVERY_S ago."""
+        """Send `head` soon; if it is not `urgent`, skip it within EVERY_S of the last head."""
         now = self._clock()
         if not urgent and now - self._seen_at < EVERY_S:
             return
@@ -203,7 +202,7 @@ class Witness:
         return None if before == self._reported else self._reported
 
     def close(self) -> None:
-        """Try to send the waiting head once more; after that, `problem` is final."""
+        """Try once more to send a waiting head; after that, `problem` is final."""
         with self._changed:
             self._closing = True
             self._changed.notify()
@@ -250,7 +249,7 @@ def _to_file(target: str) -> Send:
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A handler that treats a redirection as an error: its GET would store no head."""
+    """A handler that treats a redirection as an error, because a redirected GET stores no head."""
 
     def redirect_request(  # pyright: ignore[reportIncompatibleMethodOverride] - arguments unused
         self, *_: object
@@ -279,10 +278,10 @@ def _words(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class WitnessResult:
-    """The comparison of a log with the `heads` that its witness has of its session.
+    """The comparison of a log with a witness's heads of its session; `heads` is their number.
 
-    The heads before the first problem cover `records` records. `line` is the witness's line with
-    the first head that does not match the log.
+    The heads before the first mismatch cover `records` records. `line` is the line in the witness's
+    file with the first head that does not match the log.
     """
 
     heads: int
@@ -299,10 +298,10 @@ class WitnessResult:
 def check_witness(
     log: Path, session: str, witness: Path, accepted: Collection[str]
 ) -> WitnessResult:
-    """Compare `log`, of `session`, with the file `witness`.
+    """Compare `log`, which is of `session`, with the heads in the file `witness`.
 
-    Heads count only if they are signed by keys whose fingerprints are `accepted`, because any key
-    can sign them. Raises LogError if a file cannot be read.
+    Heads count only if they are signed by keys whose fingerprints are `accepted`. Raises LogError
+    if a file cannot be read.
     """
     heads = _heads(witness, session, accepted)
     if not heads:
@@ -312,22 +311,20 @@ def check_witness(
     good = 0
     for line, head in heads:
         if head.seq and hashes.get(head.seq) != head.hash:
-            damage = (
-                "that record is gone" if head.seq not in hashes else "that record is another one"
-            )
+            damage = "that record is gone" if head.seq not in hashes else "that record is different"
             return WitnessResult(
                 len(heads),
                 good,
                 line,
-                f"the log no longer has the head that the witness saw after record {head.seq}: "
-                f"{damage}; records {good + 1} to {head.seq} were cut or written anew since",
+                f"the log does not match the head that the witness has for record {head.seq}: "
+                f"{damage}; records {good + 1} to {head.seq} were removed or rewritten since",
             )
         good = max(good, head.seq)
     return WitnessResult(len(heads), good)
 
 
 def _heads(witness: Path, session: str, accepted: Collection[str]) -> list[tuple[int, SignedHead]]:
-    """Return the valid heads of `session`, each with its line number."""
+    """Return the accepted heads of `session`, each with its line number in the witness's file."""
     heads: list[tuple[int, SignedHead]] = []
     try:
         with witness.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Verification of a session log: its chain, signatures and signed head, and the damage found."""
+"""Verification of a session log: its chain, signatures, signed head and stills, and any damage."""
 
 import re
 from collections.abc import Collection
@@ -33,19 +33,18 @@ DamageKind = Literal[
 _SEQ = re.compile(rb'\{"seq":(\d{1,18}),')
 
 ADJUSTED = timedelta(seconds=1)
-"""The smallest step back of the clock to report; network time synchronization makes smaller ones.
-"""
+"""The smallest step back of the clock that is noted; time synchronization makes smaller steps."""
 FIRST_SIGNED = 2
-"""The line of a log's first signature; the line before it names the session."""
+"""The line of a log's first signature, after the line that names the session."""
 Standing = Literal["signed", "open", "not signed"]
-"""The extent of a log's signatures: to its end; without a closed end; or no signature."""
+"""How far a log is signed: up to its closing, without a closing, or not at all."""
 
 
 @dataclass(frozen=True)
 class Damage:
-    """Damage to a log, first on `line`, or somewhere between `line` and `through`.
+    """Damage to a log on `line`, or somewhere from `line` to `through`.
 
-    `line` is None for damage to the head beside the log.
+    `line` is None if the head beside the log is damaged.
     """
 
     kind: DamageKind
@@ -56,7 +55,10 @@ class Damage:
 
 @dataclass
 class SoundPart:
-    """The undamaged beginning of a log: its last two records, and its number of signed lines."""
+    """The undamaged beginning of a log.
+
+    `before` is its last record and `before_that` the one before; `vouched` counts signed lines.
+    """
 
     lines: int = 0
     before: LogRecord | None = None
@@ -71,10 +73,10 @@ class SoundPart:
 
 @dataclass
 class _NearbyLines:
-    """Lines that explain a bad one: equal lines, the next line, and lines with the same numbers.
+    """Lines that explain a bad line: equal lines, the next line, and lines with the same numbers.
 
-    `wanted_after` is the later line with the number that belongs on the bad line.
-    `own_number_after` is True if a later line has the same number as the bad one.
+    `wanted_after` is the later line that has the number of the bad line's place. `own_number_after`
+    is True if a later line has the same number as the bad line.
     """
 
     following: LogRecord | None = None
@@ -87,7 +89,7 @@ class _NearbyLines:
 def find_damage(
     path: Path, sound: SoundPart, line: bytes, problem: str, head: SignedHead | None
 ) -> Damage:
-    """Return the damage to `line`, the first one with a `problem`, after the sound lines."""
+    """Return the damage to `line`, the first line after the sound ones, which has a `problem`."""
     number, record = sound.lines + 1, _record(line)
     context = _look_around(path, number, line)
     following = context.following
@@ -104,18 +106,18 @@ def find_damage(
 
 
 def find_forgery(path: Path, sound: SoundPart, line: bytes, record: LogRecord) -> Damage:
-    """Return the damage to a linked signed record whose signature is not valid.
+    """Return the damage to a signature record that is linked but has an invalid signature.
 
     An attacker who changes an earlier line can recompute every hash, but not the signatures.
     """
     number = sound.lines + 1
     following = _look_around(path, number, line).following
     if following is not None and following.fields["prev"] != record.hash:
-        problem = "the signature is not of what the record says: one of them was changed"
+        problem = "the signature does not match the record: one of them was changed"
         return Damage("signature", number, problem)
     first = sound.vouched + 1
     problem = f"lines {first} to {number} were rewritten with recomputed hashes: the signature on "
-    return Damage("rewritten", first, f"{problem}line {number} is of other lines", number)
+    return Damage("rewritten", first, f"{problem}line {number} does not match them", number)
 
 
 def _edited(
@@ -124,7 +126,7 @@ def _edited(
     """Return the damage to a record whose hash does not match its content."""
     number, true = sound.lines + 1, digest(record.fields)
     if record.hash == true:
-        problem = "the record was edited: it says the same in other letters"
+        problem = "the record was edited: it has the same content in another notation"
         return Damage("respelled", number, problem)
     for field, value in _wanted(sound).items():
         if digest({**record.fields, field: value}) == record.hash:
@@ -133,17 +135,17 @@ def _edited(
     if following is not None:
         witness = str(following.fields["prev"])
     if witness == true:
-        return Damage("edited-hash", number, "the hash was edited: the record after has another")
-    problem = "the record was edited: its hash does not match what it says"
+        return Damage("edited-hash", number, "the hash was edited: the next record has another")
+    problem = "the record was edited: its hash does not match its content"
     if witness != record.hash:
         return Damage("edited", number, problem)
     if isinstance(record.event.data, LogSigned):
-        return Damage("signature", number, f"{problem}; so the signature is worth nothing")
+        return Damage("signature", number, f"{problem}, so its signature proves nothing")
     return Damage("edited-field", number, problem)
 
 
 def _wanted(sound: SoundPart) -> dict[str, object]:
-    """Return the values that the record after the last sound one must have."""
+    """Return the values that the record after the last sound record must have."""
     if sound.before is None:
         return {"seq": 1, "prev": "0" * 64}
     session = sound.before.fields["session"]
@@ -153,7 +155,7 @@ def _wanted(sound: SoundPart) -> dict[str, object]:
 def _misplaced(
     record: LogRecord, sound: SoundPart, context: _NearbyLines, rejoined: bool, problem: str
 ) -> Damage:
-    """Return the damage at a record that is valid but does not follow the record before it."""
+    """Return the damage at a record that is valid by itself but does not follow its predecessor."""
     number, seq = sound.lines + 1, cast(object, record.fields["seq"])
     if isinstance(seq, int) and seq > number:
         return _too_early(seq, number, rejoined, context, problem)
@@ -169,7 +171,7 @@ def _misplaced(
 def _too_early(
     seq: int, number: int, rejoined: bool, context: _NearbyLines, problem: str
 ) -> Damage:
-    """Return the damage that put record `seq` on the earlier line `number`."""
+    """Return the damage if record `seq` is on the earlier line `number`."""
     if context.same_after is not None:
         return Damage("duplicated", number, f"this line repeats line {context.same_after}")
     if context.wanted_after is not None and not context.own_number_after:
@@ -182,13 +184,13 @@ def _too_early(
     if context.following is not None and context.following.fields["seq"] == number + 1:
         return Damage("replaced", number, f"the record was replaced: {problem}")
     count = f"{seq - number} records" if seq > number + 1 else "one record"
-    return Damage("removed", number, f"{count} removed before this line: seq is {seq}")
+    return Damage("removed", number, f"{count} removed before this line, whose seq is {seq}")
 
 
 def _broken_link(
     record: LogRecord, sound: SoundPart, following: LogRecord | None, problem: str
 ) -> Damage:
-    """Return which of two records, each valid by itself but not linked, was replaced."""
+    """Return the damage by which two valid records are not linked: one of them was replaced."""
     number = sound.lines + 1
     linked = sound.before is None or record.fields["prev"] == sound.before.hash
     forged = following is not None and following.fields["prev"] != record.hash
@@ -196,14 +198,14 @@ def _broken_link(
         bad = number
     else:
         bad = number - 1
-        problem = "the record was replaced, its hash recomputed: the next has the hash of another"
+        problem = "the record was replaced and its hash recomputed: the next record has another"
     if bad == 1:
         return Damage("header-replaced", bad, f"the first record was replaced: {problem}")
     return Damage("replaced", bad, problem)
 
 
 def _look_around(path: Path, number: int, bad: bytes) -> _NearbyLines:
-    """Read the log again for the lines that explain line `number`, whose text is `bad`."""
+    """Read the log again for the lines that explain the damage to line `number`, the text `bad`."""
     context, own = _NearbyLines(), _SEQ.match(bad)
     with path.open("rb") as file:
         for at, line in enumerate(lines_of(file), start=1):
@@ -236,10 +238,9 @@ def _record(line: bytes) -> LogRecord | None:
 class VerifyResult:
     """The result of verifying a log; `ok` if no damage was found.
 
-    The damage lies between `first_bad_line`, counted from 1, and `last_bad_line`; both are None if
-    no line is damaged. `lines` counts the undamaged lines before it. An undamaged log has `head`,
-    the hash of its last line, and sometimes a `note`. The key with the fingerprint `key` has signed
-    the first `vouched` lines.
+    The damage is on `first_bad_line`, counted from 1, or somewhere from there to `last_bad_line`.
+    `lines` counts the undamaged lines. `head` is the hash of an undamaged log's last line, and
+    `note` a remark on it. The key with the fingerprint `key` has signed the first `vouched` lines.
     """
 
     ok: bool
@@ -257,15 +258,15 @@ class VerifyResult:
 
     @property
     def intact(self) -> bool:
-        """True if a known key has signed every line and the end of the log."""
+        """True if an accepted key has signed every line, including the closing of the log."""
         return self.ok and self.standing == "signed"
 
 
 def verify(path: Path, accepted: Collection[str] | None = None) -> VerifyResult:
     """Check every record, the chain, the signatures, the head and the stills of a log.
 
-    `accepted` are the fingerprints of accepted keys, by default this machine's. Raises LogError if
-    a file cannot be read, SigningError if this machine's keys cannot be read.
+    `accepted` are the fingerprints of accepted keys, by default those that this machine knows.
+    Raises LogError if a file cannot be read, SigningError if the keys cannot be read.
     """
     try:
         head, head_problem = read_head(path), ""
@@ -306,9 +307,9 @@ class _Chain:
         self._hash_at_head = ""
         self._notes: list[str] = []
         self._stills: list[tuple[CameraStill, int]] = []
-        """The stills that an operator was shown, each with its line."""
+        """The stills that an operator was shown, each with its line number."""
         self._set_back: list[tuple[timedelta, int]] = []
-        """Steps back of the clock, each with the number of the next line."""
+        """The steps back of the clock, each with the number of the line after it."""
 
     def read(self) -> Damage | None:
         """Read every line; return the first damage to the chain or to a signature."""
@@ -329,9 +330,9 @@ class _Chain:
             if error.problem != TORN:
                 return Damage("garbage", error.line, error.problem)
             if self._head is not None and self._head.seq >= error.line:
-                problem = f"{error.problem}, and the signed head says that {self._head.seq} follow"
+                problem = f"{error.problem}, but the signed head covers {self._head.seq} lines"
                 return Damage("cut-short", error.line, problem)
-            problem = "; a crash leaves this, and the log goes on without it when opened again"
+            problem = "; a crash leaves such a line, which is removed when the log is opened again"
             return Damage("half-line", error.line, error.problem + problem)
         return None
 
@@ -349,7 +350,7 @@ class _Chain:
             if not self.key:
                 self.key, self._key_line = signed.key, number
             if signed.found:
-                was = f"{signed.found} records before line {number} were not signed yet when"
+                was = f"{signed.found} records before line {number} were still unsigned when"
                 self._notes.append(f"{was} the log was opened again")
             self.sound.vouched = number
         elif isinstance(signed, CameraStill) and signed.sha256 is not None:
@@ -368,14 +369,14 @@ class _Chain:
             return None
         own = f"known here: {', '.join(sorted(accepted)) or 'none'}"
         problem = f"signed by an unknown key, {used} ({own}); whoever can rewrite a log can sign "
-        problem += "it with a key of their own: compare this one where the log was made"
+        problem += "it with a key of their own, so compare the key with that of the log's machine"
         return Damage("unknown-key", self._key_line, problem)
 
     def head_damage(self) -> Damage | None:
         """Return damage if an otherwise undamaged log does not match its signed head."""
         head, sound, name = self._head, self.sound, head_path(self._path).name
         if head is None:
-            problem = f"the log is signed, but its head {name} is gone: its end may be, too"
+            problem = f"the log is signed, but its head {name} is gone: its end may be gone, too"
             return Damage("head-missing", None, problem) if self.key else None
         last = sound.before
         if (self.key and head.key != self.key) or (
@@ -384,14 +385,14 @@ class _Chain:
             problem = f"{name} is the head of the log of session “{head.session}”"
             return Damage("head-of-another-log", None, problem)
         if head.seq and not self.key and sound.lines >= FIRST_SIGNED:
-            problem = f"its signatures were removed: {name} says that {head.seq} lines were signed"
+            problem = f"its signatures were removed: {name} covers {head.seq} signed lines"
             return Damage("signatures-removed", FIRST_SIGNED, problem, sound.lines)
         if head.seq > sound.lines:
-            problem = f"the log was cut short: the signed head says that it has {head.seq} lines"
-            return Damage("cut-short", sound.lines + 1, f"{problem}, and it has {sound.lines}")
+            problem = f"the log was cut short: its signed head covers {head.seq} lines"
+            return Damage("cut-short", sound.lines + 1, f"{problem}, but {sound.lines} are left")
         if head.seq and head.hash != self._hash_at_head:
             if head.seq <= sound.vouched:
-                problem = f"{name} is the head of another log than this one"
+                problem = f"{name} is the head of another log"
                 return Damage("head-of-another-log", None, problem)
             first = sound.vouched + 1
             problem = f"lines {first} to {head.seq} were rewritten: {name} has another hash"
@@ -399,7 +400,7 @@ class _Chain:
         return None
 
     def still_damage(self) -> Damage | None:
-        """Return the damage if a still beside the log is not the one that was shown.
+        """Return damage if the file of a still beside the log is not the one that was shown.
 
         Missing stills are only noted, because a log may have been copied without them.
         """
@@ -407,7 +408,7 @@ class _Chain:
         for still, line in self._stills:
             changed = is_changed(self._path, still)
             if changed:
-                problem = f"the still of {still.track} was changed since it was shown"
+                problem = f"the still of {still.track} has been changed since it was shown"
                 return Damage("picture-changed", line, f"{problem}: {still.file_name}")
             missing += changed is None
         if missing:
@@ -417,7 +418,7 @@ class _Chain:
         return None
 
     def standing(self) -> Standing:
-        """Return how far the log is signed."""
+        """Return whether the log is signed and closed, signed but open, or not signed."""
         last = self.sound.before
         if last is not None and isinstance(last.event.data, LogSigned) and last.event.data.closing:
             return "signed"

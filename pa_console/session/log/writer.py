@@ -1,4 +1,4 @@
-"""The session log: a hash-chained, signed JSONL file locked by one console."""
+"""The writer of a session log: a hash-chained, signed JSONL file that one console locks."""
 
 import fcntl
 import os
@@ -48,14 +48,14 @@ DURABLE_KINDS = frozenset(
         "authority_changed",
     )
 )  # fmt: skip
-"""Kinds of events that are on the disk before `append` returns, because a person answers for them.
+"""The kinds of events that are on the disk before `append` returns, because they may not be lost.
 """
 
 _APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 _BY_ENDING = {
     ".head": "the signed head of a session log",
     ".head.new": "the signed head of a session log",
-    ".torn": "what a crash left of a session log",
+    ".torn": "the incomplete line that a crash left in a session log",
     ".sig": "the signature of a rule set",
 }
 _BY_START = {b'{"seq":': "a session log", b'{"closed":': "a witness of session logs"}
@@ -94,9 +94,9 @@ class LogFile:
     """
 
     def __init__(self, path: Path, session: str, public: str | None) -> None:
-        """Open `path`, new or to be continued; an incomplete last line is moved to `PATH.torn`.
+        """Open a new log at `path`, or continue a log; move an incomplete last line to `PATH.torn`.
 
-        Raises LogError, and changes nothing, if the file cannot be opened, is locked by another
+        Raises LogError without any change if the file cannot be opened, is locked by another
         console, belongs to another session, does not end with a valid record, or is shorter than
         its signed head states. The head must be signed by the key `public`, if that is given.
         """
@@ -119,13 +119,13 @@ class LogFile:
             raise
 
     def write(self, pending: bytearray) -> None:
-        """Append `pending`, and remove the written bytes from it; raise OSError."""
+        """Write `pending`, and remove the written bytes from it; raises OSError."""
         while pending:
             written = os.write(self._file, pending)
             del pending[:written]
 
     def sync(self) -> None:
-        """Wait until all written bytes are on the disk; raise OSError."""
+        """Wait until all written bytes are on the disk; raises OSError."""
         os.fsync(self._file)
 
     def close(self) -> None:
@@ -136,13 +136,13 @@ class LogFile:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            problem = "another console is writing this log; give this one a log of its own"
+            problem = "another console is writing this log; use another log for this console"
             raise LogError(str(self.path), 0, problem) from error
         except OSError as error:
             raise os_error(self.path, "lock the session log", error) from error
 
     def _find_end(self, session: str) -> bytes:
-        """Find the last record; return the bytes after it, an incomplete line."""
+        """Find the last record; return the incomplete line after it, or b""."""
         try:
             with open(self._file, "rb", closefd=False) as file:
                 whole, end, torn = file.read().rpartition(b"\n")
@@ -183,15 +183,15 @@ class LogFile:
 class LogWriter:
     """An open log to which one thread appends events.
 
-    Records are written after FLUSH_RECORDS records or FLUSH_SECONDS seconds at the latest; records
+    Records are written after FLUSH_RECORDS records or FLUSH_SECONDS seconds at the latest. Records
     of DURABLE_KINDS are written to the disk at once. With a `signer`, the log is signed after its
-    first record, after each binding one, after SIGN_RECORDS records, with the first record after
-    SIGN_SECONDS seconds, and on closing. Its signed head follows each signature: before the call
-    returns, or soon afterwards if the signature was only due by time or number.
+    first record, after each binding record, after SIGN_RECORDS records, with the first record after
+    SIGN_SECONDS seconds, and on closing. The signed head is written after each signature: before
+    the call returns, or soon afterwards if the signature was due only by time or number.
 
-    While the disk cannot be written, records are kept in memory, and they are written as soon as
-    possible. `on_error` is called once at the beginning of each such time. Without `on_error`,
-    `append` or `flush` raises the LogError, and the event is kept as well.
+    While the disk cannot be written, records are kept in memory and written as soon as possible.
+    `on_error` is called once at the beginning of each such period. Without `on_error`, `append` or
+    `flush` raises the LogError; the event is still kept.
     """
 
     def __init__(
@@ -205,11 +205,11 @@ class LogWriter:
         on_error: Callable[[LogError], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Open `path`, new or to be continued; an incomplete last line is moved to `PATH.torn`.
+        """Open a new log at `path`, or continue a log; move an incomplete last line to `PATH.torn`.
 
         A signed log is added to the `index` of its folder when it begins and when it ends. Its
-        heads are also sent to the `witness`, which is closed with the log. Raises LogError in the
-        cases of LogFile; a signed head must be by `signer`.
+        heads are also sent to the `witness`, which is closed with the log. Raises LogError as
+        LogFile does. The log's signed head, if it has one, must be signed by `signer`.
         """
         self.path, self.session = path, session
         self._signer, self._on_error, self._clock = signer, on_error, clock
@@ -244,7 +244,7 @@ class LogWriter:
 
     @property
     def head(self) -> str:
-        """The hash of the last record; a copy of it elsewhere proves the whole log."""
+        """The hash of the last record; a copy kept elsewhere proves the whole log."""
         return self._hash
 
     @property
@@ -258,19 +258,19 @@ class LogWriter:
 
     @property
     def witness_problem(self) -> str:
-        """The error of sending the last head to the witness; '' if it was received."""
+        """The error of the last attempt to send a head to the witness; '' if it was received."""
         return self._witness.problem if self._witness is not None else ""
 
     @property
     def owes(self) -> bool:
-        """True if `commit` has something to do."""
+        """True if a record waits to be signed or written to the disk by `commit`."""
         return self._owed != "nothing"
 
     def append(self, event: Event, *, commit: bool = True) -> None:
-        """Append `event` to the log; a transient one is skipped.
+        """Append `event` to the log; a transient event is skipped.
 
-        Without `commit`, a signature or sync that the event needs is left to a later call of
-        `commit`: one signature is enough for all events of one moment.
+        If `commit` is False, the signature or sync that the event needs is left to a later call of
+        the method `commit`, because one signature is enough for all events of one moment.
         """
         if event.data.transient:
             return
@@ -286,8 +286,8 @@ class LogWriter:
             self._owed = "disk"
         if first or commit:
             self.commit()
-        # While the disk cannot be written, attempts are made by time only, and not with every
-        # record.
+        # While the disk cannot be written, attempts are due only by time, not by the number of
+        # records.
         now, takes = self._clock(), _WRITE not in self._problems
         due = self._unsigned >= SIGN_RECORDS or now - self._signed_at >= SIGN_SECONDS
         full = self._records >= FLUSH_RECORDS and takes
@@ -297,9 +297,9 @@ class LogWriter:
             self.flush(durable=False)
 
     def commit(self) -> None:
-        """Write, and sign if needed, the events that may not wait; without any, do nothing.
+        """Write the urgent events, and sign them if needed; do nothing if there are none.
 
-        They remain due if the disk cannot be written.
+        The events remain due if the disk cannot be written.
         """
         if not self.owes:
             return
@@ -323,7 +323,7 @@ class LogWriter:
                 self._file.sync()
 
     def close(self) -> None:
-        """Write everything and close the file; raise LogError if records are lost."""
+        """Write all records and close the file; raises LogError if records are lost."""
         if not self._open:
             return
         try:
@@ -361,7 +361,7 @@ class LogWriter:
         self._pending += line.encode() + b"\n"
 
     def _sign(self, last: Event, signer: Signer, *, at_once: bool, closing: bool = False) -> None:
-        """Sign everything up to `last` in the log, and in its head once that is on the disk."""
+        """Sign the log up to `last`, and then its head, once the records are on the disk."""
         signed = LogSigned(key=signer.public, closing=closing, found=self._unsigned_before)
         self._put(Event(t=last.t, tick=last.tick, data=signed), signer)
         self._unsigned, self._unsigned_before, self._signed_at = 0, 0, self._clock()
@@ -388,7 +388,7 @@ class LogWriter:
 
     @contextmanager
     def _reported(self, path: Path, task: str) -> Generator[None]:
-        """Report the OSError of a `task` once, until the task succeeds again."""
+        """Report the OSError of a `task`; report the next one only after the task has succeeded."""
         try:
             yield
         except OSError as error:
@@ -412,9 +412,9 @@ def open_session_log(
     witness: Witness | None = None,
     resumed: bool = False,
 ) -> LogWriter:
-    """Open the signed log of a session: at `path`, or a new one in `folder` and its index.
+    """Open the signed log of a session: at `path`, or a new log in `folder` that is indexed there.
 
-    A `resumed` session, whose log is at `path` in the folder, is added to the index too. Raises
+    The log of a `resumed` session, which is at `path` in the folder, is also indexed. Raises
     LogError if the log cannot be opened.
     """
     return LogWriter(
@@ -428,13 +428,13 @@ def open_session_log(
 
 
 def refuse_audit_file(path: Path) -> None:
-    """Raise ValueError if `path` is an audit file, or has the name of one."""
+    """Raise ValueError if `path` is an audit file, or has the name of an audit file."""
     if part := audit_part(path):
-        raise ValueError(f"{path}: this is {part}, which is never written over; name another file")
+        raise ValueError(f"{path}: this is {part}, which is never overwritten; name another file")
 
 
 def audit_part(path: Path) -> str:
-    """Return the kind of audit file that `path` is, or would be by its name; '' if none."""
+    """Return the kind of audit file that `path` is, or has the name of; '' for any other file."""
     name = path.name.casefold()
     for ending, part in _BY_ENDING.items():
         if name.endswith(ending):
