@@ -27,14 +27,15 @@ TEMPLATE = "model_card.md.jinja"
 MOST_POINTS, MOST_REASONS = 20, 20
 RECIPE = {
     "planner": (
-        "A reference planner that knows what was meant, not how it was worded, plans for some of "
-        "the orders; only plans that passed the checks, the rehearsal and a strictly scored run in "
-        "the simulation are taken, and a hold where an order is forbidden or impossible."
+        "A reference planner, which is given the meaning of an order but not its wording, plans "
+        "some of the orders. Only plans that passed the checks, the rehearsal and a strictly "
+        "scored run in the simulation are used; for a forbidden or impossible order, the plan is "
+        "a hold."
     ),
     "judge": (
-        "Right plans of a reference planner stand beside plans that do something else, miss "
-        "something or break a rule, and outcomes beside the telemetry of their runs. What is "
-        "right was decided by carrying each out in the simulation and scoring it strictly."
+        "The data contains right plans of a reference planner, plans that do something else, leave "
+        "something out or break a rule, and outcomes with the telemetry of their runs. Each plan "
+        "was carried out in the simulation and scored strictly to decide whether it is right."
     ),
 }
 
@@ -90,7 +91,7 @@ def _facts(summary: RunSummary, base: ModelEntry, adapter: Path) -> list[tuple[s
         ("adapter, SHA-256", summary.adapter_sha256),
         ("trained for", f"{summary.step} steps, {summary.minutes:.0f} minutes{stopped}"),
         ("trained on", summary.machine[0] if summary.machine else "an unknown machine"),
-        ("with", _pairs(summary.versions)),
+        ("software", _pairs(summary.versions)),
     ]
     if summary.validation_loss is not None and summary.validation_right is not None:
         right = f"{summary.validation_right:.1%} of answers right, token for token"
