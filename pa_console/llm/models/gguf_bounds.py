@@ -174,7 +174,7 @@ class _Header:
 
 
 class _Tensor(NamedTuple):
-    """The type and the place of a tensor: `size` bytes that begin `offset` bytes after the header."""
+    """The type and the place of a tensor: `size` bytes from `offset` bytes after the header."""
 
     name: str
     kind: int
