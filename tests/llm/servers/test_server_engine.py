@@ -91,7 +91,7 @@ async def test_a_server_that_holds_nothing_is_told_and_its_answers_are_read_all_
     proxy = FaultProxy(holds=())
     async with serving(proxy) as (engine, _):
         assert engine.state == "unconstrained"
-        assert "asked for again" in engine.detail
+        assert "requested again" in engine.detail
         proxy.answers = ["I think so.", 'Sure! ```{"reason": "go", "actions": []}```']
         _, end = await answered(engine, request())
         assert read_plan(end.text)[0] is not None
