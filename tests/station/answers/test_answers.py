@@ -226,7 +226,7 @@ async def test_why_a_gate_is_bare_names_since_when_and_who_failed(site: Site) ->
         assert "no guard for" in said["since"]
         assert "failed" in said["Drone_T02"]
         assert "no longer covered" in said["told"]
-        assert "is not uncovered" in (await talk.ask("Why is the east gate uncovered?"))["now"]
+        assert "is covered" in (await talk.ask("Why is the east gate uncovered?"))["now"]
 
 
 async def test_why_a_gate_is_bare_names_the_mission_that_sent_its_guard_away(site: Site) -> None:
@@ -234,7 +234,7 @@ async def test_why_a_gate_is_bare_names_the_mission_that_sent_its_guard_away(sit
     async with talks(site, engine=ScriptedEngine([TO_EAST, back])) as talk:
         await talk.decide(await talk.order("Send Drone_T04 to the east gate."))
         said = await talk.ask("Why is the east gate uncovered?")
-        assert "is not uncovered" in said["now"]
+        assert "is covered" in said["now"]
         await talk.decide(await talk.order("Send Drone_T04 to the checkpoint."))
         said = await talk.ask("Why did you leave the east gate unguarded?")
         assert "sent it away: move_to Checkpoint, approved by" in said["Drone_T04"]
@@ -416,7 +416,9 @@ async def test_what_takes_the_rules_in_force_there_is_asked_there(site: Site) ->
         for text in ("Why not Robot_T02?", "What would you do instead?"):
             (line,) = (await answered(joined, text)).lines
             assert line.about == "not here"
-            assert "the rules in force at the station differ from those of this console" in line.said
+            assert (
+                "the rules in force at the station differ from those of this console" in line.said
+            )
             assert "ask it at north" in line.said
         said = [line.about for line in (await answered(joined, "Why?")).lines]
         assert {"read as", "checks", "rehearsal", "judge", "decision"} <= set(said)
