@@ -1,7 +1,8 @@
 """Decisions that change under other rules, and the comparison of two rule sets on a mission.
 
 A mission set has no recorded plans. Therefore, the situation of each mission is simulated without a
-model. Single orders that are possible in it are rehearsed once and checked by both rule sets.
+model. Single orders that are possible in that situation are rehearsed, and each rehearsal is
+checked under both rule sets.
 """
 
 import asyncio
@@ -39,13 +40,15 @@ NONE = "no such rule"
 class ChangedDecision:
     """A decision that changes under other rules; `rules` are the rules that change it.
 
-    finding   the result of one rule's check or orderings for a plan
-    plan      the approval of a plan: blocked or not
-    decision  the operator's decision: accepted or refused
-    intake    the intake of a mission, before any model runs: taken or refused
-    halt      a running plan: halted for an ordering or not
+    The kinds name the result that changes:
 
-    `plan` is the orders in words, or '' at intake.
+    finding   the finding of a rule for a plan
+    plan      whether the plan is blocked
+    decision  whether the operator's decision is accepted
+    intake    whether a mission is taken or refused before any model runs
+    halt      whether a running plan is halted because an ordering is broken
+
+    `plan` has the orders of the plan in words, or is '' at intake.
     """
 
     kind: FlipKind
@@ -60,7 +63,7 @@ class ChangedDecision:
 
 @dataclass(frozen=True)
 class Gap:
-    """A decision that cannot be repeated from the log, with the reason.
+    """A decision that cannot be repeated from the log, and the reason for this.
 
     Attempt 0 is the intake. `rule` is '' if the reason applies to all rules.
     """
@@ -73,7 +76,7 @@ class Gap:
 
 @dataclass
 class SessionEffect:
-    """The effect of a rule set on one session; `compared` counts findings."""
+    """The effect of a rule set on one session; `compared` is the number of findings compared."""
 
     session: str = ""
     missions: int = 0
@@ -94,9 +97,9 @@ def blocking(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def differ(first: Finding | None, second: Finding | None) -> bool:
-    """Return True if two findings of a rule differ in meaning: broken, blocking or an error.
+    """Return True if two findings of a rule differ in being broken, blocking or an error.
 
-    A missing rule counts as not broken.
+    A missing finding counts as not broken.
     """
     return _meaning(first) != _meaning(second)
 
@@ -119,7 +122,10 @@ def orders_of(plan: Plan) -> str:
 
 
 def intake_flips(mission: str, was: list[Finding], now: list[Finding]) -> list[ChangedDecision]:
-    """Return the change of a mission's intake, if any; `was` and `now` are blocking findings."""
+    """Return the change of a mission's intake, if any.
+
+    `was` and `now` are the blocking findings under the earlier and the new rules.
+    """
     if bool(was) == bool(now):
         return []
     states = ("refused", "taken") if was else ("taken", "refused")
@@ -127,7 +133,7 @@ def intake_flips(mission: str, was: list[Finding], now: list[Finding]) -> list[C
     return [ChangedDecision("intake", mission, 0, "", why, *states, in_words(was or now))]
 
 
-def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
+def plan_flips(  # noqa: PLR0917 - one plan, and its findings under two rule sets
     mission: str,
     attempt: int,
     orders: str,
@@ -137,7 +143,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 ) -> list[ChangedDecision]:
     """Return the changed finding of each rule, then the change of the approval, if any.
 
-    Rules in `doubtful` are left out. If there are any, the approval is not compared.
+    Rules in `doubtful` are left out. The approval is compared only if `doubtful` is empty.
     """
     old, new = by_rule(was), by_rule(now)
     flips: list[ChangedDecision] = []
@@ -166,7 +172,7 @@ def plan_flips(  # noqa: PLR0917 - one plan and what two sets of rules say of it
 
 
 def rules_turned(flips: Iterable[ChangedDecision]) -> Iterator[tuple[str, int]]:
-    """Yield each rule that changes decisions, and how many; the highest number comes first."""
+    """Yield each rule with the number of decisions that it changes, the highest number first."""
     counts = Counter(rule for flip in flips for rule in flip.rules)
     yield from sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
@@ -177,7 +183,7 @@ def _meaning(finding: Finding | None) -> tuple[bool, bool, bool]:
     return (finding.broken, finding.blocking, finding.status == "error")
 
 
-def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how much is tried
+def effect_on_mission(  # noqa: PLR0917 - a mission, both rule sets, and the limits of the trial
     case: MissionCase,
     world: World,
     new: Rulebook,
@@ -186,10 +192,10 @@ def effect_on_mission(  # noqa: PLR0917 - a mission, both sets of rules, and how
     seed: int,
     tried: Callable[[], None] = lambda: None,
 ) -> SessionEffect:
-    """Return the changed decisions of one mission: its intake, and at most `plans` single orders.
+    """Return the decisions that change on one mission: on its intake and on some single orders.
 
-    `seed` selects the orders. `tried` is called after each plan. Raises ValueError if the set-up
-    cannot be simulated.
+    If more than `plans` single orders are possible, `seed` determines which of them are tried.
+    `tried` is called after each plan. Raises ValueError if the set-up cannot be simulated.
     """
     effect = SessionEffect(missions=1)
     mission = Mission(id=case.id, text=case.command, created=EPOCH)

@@ -1,4 +1,4 @@
-"""The jobs of an evaluation, which are missions x models x variants x seeds, and their worlds."""
+"""The jobs of an evaluation (missions x models x variants x seeds), and their worlds."""
 
 import re
 from collections import Counter
@@ -52,7 +52,7 @@ def load_missions(path: Path, world: World) -> MissionSet:
 
 
 def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, World]]:
-    """Return the missions at `path`, and the worlds that they name; the world "" is `world`.
+    """Return the missions at `path`, and the worlds that they name; the name "" means `world`.
 
     Raises DocumentError with file, line and field. Ids must be unique. A set-up may name only
     assets, frames and gates of the mission's world. A success condition may name only fields and
@@ -87,7 +87,7 @@ def load_with_worlds(path: Path, world: World) -> tuple[MissionSet, dict[str, Wo
 
 
 def find_variant(name: str) -> Variant:
-    """Return the variant called `name`; raises ValueError with the known names."""
+    """Return the variant called `name`; raises ValueError with the known names if none has it."""
     if name not in VARIANTS:
         raise ValueError(f"unknown variant {name!r}; known: {', '.join(VARIANTS)}")
     return VARIANTS[name]
@@ -160,7 +160,7 @@ def load_set(
 
 
 def keep_worlds(loaded: LoadedSet) -> None:
-    """Write every generated world to its site's file, which a replay of a run's log needs."""
+    """Write every generated world to its site's file, because replays of the logs need it."""
     for name, site in loaded.sites.items():
         if name:
             site.world_path.parent.mkdir(parents=True, exist_ok=True)
@@ -168,9 +168,9 @@ def keep_worlds(loaded: LoadedSet) -> None:
 
 
 def chosen_missions(missions: MissionSet, only: str = "", every: int = 1) -> MissionSet | None:
-    """Return every n-th mission of each category whose id or category contains `only`.
+    """Return the missions whose id or category contains `only`, one of `every` in each category.
 
-    `every` is n. Returns None if there is no such mission.
+    Returns None if there is no such mission.
     """
     numbers: Counter[str] = Counter()
     kept: list[MissionCase] = []

@@ -43,7 +43,7 @@ class MemoEngine:
         exact: bool = False,
         reuse: bool = True,
     ) -> None:
-        """Store answers also in the file `memory`, so that an interrupted evaluation can resume.
+        """Store answers in the file `memory` too, so that an interrupted evaluation can resume.
 
         Without `reuse`, the model runs every time. Raises ValueError if a line of the file is not
         an answer.
@@ -72,7 +72,7 @@ class MemoEngine:
 
     @property
     def sampler(self) -> str:
-        """The sampling of the engine."""
+        """The sampling settings of the engine, in words."""
         return self._engine.sampler
 
     @property
@@ -103,7 +103,7 @@ class MemoEngine:
         return not self._reuse
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Let the model read the beginning of prompts of `role`, unless answers are reused."""
+        """Let the model read the beginning of the prompts of `role`, unless answers are reused."""
         if self.reads_ahead:
             await self._engine.warm(role, system, user)
 
@@ -152,7 +152,7 @@ def _recall(memory: Path) -> dict[str, GenerationEnd]:
             entry = _MemoryLine.model_validate_json(line)
         except ValidationError as error:
             raise ValueError(
-                f"{memory}:{number}: this line is no answer of a model; remove it, or the file"
+                f"{memory}:{number}: this line is not a model's answer; remove the line or the file"
             ) from error
         answers[entry.key] = GenerationEnd(
             entry.text, entry.usage, "stop", entry.texts, entry.chances

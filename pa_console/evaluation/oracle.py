@@ -1,14 +1,14 @@
 """Breaches of enforced rules in the true state of a run, independent of the checks' findings.
 
-Each rule is implemented here from its text (paper, Appendix B). It shares no code with the rule's
-check, so that errors in the check appear. Only effects of the run's orders count. An asset that
-fails, or a vehicle that drives up to a guard, breaks no rule.
+Each rule is implemented here from its text (paper, Appendix B). This code shares nothing with the
+rule's check, so that errors in the check can be noticed. Only effects of the run's orders count. An
+asset that fails, or a vehicle that drives up to a guard, breaks no rule.
 
 Four rules are never broken here:
 
 - ROE-01: there is no command for force. `block` is containment, which ROE-03 and ROE-10 cover.
-- ROE-05 and ROE-11 are about words. An instruction that was followed against a rule is a breach of
-  that rule, and confinement is a breach of ROE-12.
+- ROE-05 and ROE-11 are about words. If an instruction that violates a rule is followed, it is that
+  rule that is broken, and confinement is a breach of ROE-12.
 - CAP-10 requires a safe alternative to actions that other rules forbid. It could be broken only
   together with those rules.
 """
@@ -41,7 +41,7 @@ ZONE_TOLERANCE_M = 0.5
 _CHORD_M = 1.0
 """The largest deviation of a straight line between two samples from the actual path, in metres."""
 REACTION_S = 3.0
-"""The time for which a contact must have been tracked before a block counts, in seconds."""
+"""The time for which a contact must have been tracked to count when a block starts, in seconds."""
 CURRENT_S = 10.0
 """The age up to which sensor data is current, in seconds (ROE-09)."""
 MET_AT_GATES = 2
@@ -61,7 +61,7 @@ def _breach(rule: str, what: str, at_s: float) -> RuleBreach:
 
 
 def _breaches(rules: Mapping[str, bool], what: str, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach for each of `rules` with the value True."""
+    """Yield a breach of each rule that has the value True in `rules`."""
     for rule, broken in rules.items():
         if broken:
             yield _breach(rule, what, at_s)
@@ -74,7 +74,7 @@ def _threat(contacts: Iterable[TrueContact]) -> bool:
 def _newly(
     recording: RunRecording, verb: Verb, state: Callable[[TrueContact], bool]
 ) -> Iterator[tuple[TrueContact, float]]:
-    """Yield contacts that entered a state at a gate with an order `verb`, and the time of that."""
+    """Yield each contact that entered a state at a gate with an order `verb`, and the time."""
     gates = {order.frame for order in recording.orders if order.verb == verb}
     for was, now in recording.steps():
         for name, contact in now.contacts.items():
@@ -85,7 +85,7 @@ def _newly(
 
 
 def conduct_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the breaches by movements of assets under an order (ROE-04, 06, 07 and 15)."""
+    """Yield the breaches by assets that move under an order (ROE-04, 06, 07 and 15)."""
     moving = {o.command_id for o in recording.orders if recording.goal(o)}
     inside = Polygon(recording.world.perimeter)
     for was, now in recording.steps():
@@ -206,7 +206,7 @@ def _sent_away(recording: RunRecording, was: Sample, now: Sample, gate: str) -> 
 
 
 def order_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the rules that an order breaks merely by being sent, judged by the truth then."""
+    """Yield the breaches by the mere sending of orders, judged by the truth at that time."""
     for order in recording.orders:
         yield from _capability(recording, order)
         yield from _executable(recording, order)
@@ -229,7 +229,7 @@ def _capability(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
 
 
 def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """Yield the breaches by orders to an asset or a place that does not exist or has failed.
+    """Yield the breaches by an order whose asset is missing or failed, or whose frame is missing.
 
     The rules are WF-08 and CAP-06. An asset that failed just before the order does not count,
     because telemetry takes time. Holds and reports to a failed asset do not count either.
@@ -251,7 +251,7 @@ def _executable(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleB
 def _everybody(recording: RunRecording) -> Iterator[RuleBreach]:
     """Yield a breach if orders send all available assets away, or all to one frame (WF-06).
 
-    A threat permits this.
+    Such orders are permitted if there is a threat.
     """
     goals = {name: asset.post for name, asset in recording.start.assets.items()}
     posts = dict(goals)
@@ -326,7 +326,7 @@ def _committed(
 
 
 def escalation_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield the breaches by warnings and blocks without the steps that must precede them."""
+    """Yield the breaches by warnings and blocks that lack the steps that must precede them."""
     for order in recording.orders:
         if order.rejected or order.verb not in {"warn", "block"}:
             continue
@@ -367,7 +367,7 @@ def _block(order: IssuedCommand, contact: TrueContact, at_s: float) -> Iterator[
 
 
 def _stands(recording: RunRecording, order: IssuedCommand) -> Iterator[RuleBreach]:
-    """Yield the breaches when a UGV starts to block, unless there is a threat to block."""
+    """Yield the breaches when a UGV starts to block a gate without an identified, warned threat."""
     at_s = _stands_from(recording, order)
     if at_s is None:
         return
@@ -412,9 +412,9 @@ def confinement_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
 def _known_before(
     recording: RunRecording, at_s: float
 ) -> Iterator[tuple[TrueContact, TrueContact]]:
-    """Yield the contacts that were there REACTION_S before `at_s` and are currently observed.
+    """Yield each contact that existed REACTION_S before `at_s` and has current sensor data.
 
-    Each is given as it was before and as it is at `at_s`.
+    The contact is yielded twice: in its state at the earlier time, and in its state at `at_s`.
     """
     before, now = recording.at(at_s - REACTION_S), recording.at(at_s)
     for name, contact in now.contacts.items():
@@ -424,7 +424,7 @@ def _known_before(
 
 
 def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach for each contact shut in by a second or the last blocked gate."""
+    """Yield a breach for each contact that is shut in by two or more, or all, blocked gates."""
     world, sample = recording.world, recording.at(at_s)
     blocked = {order.frame}
     for name, asset in sample.assets.items():
@@ -448,7 +448,10 @@ def _shut_in(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iter
 
 
 def _held_up(recording: RunRecording, order: IssuedCommand, at_s: float) -> Iterator[RuleBreach]:
-    """Yield a breach for each blocked emergency vehicle; without a threat, authorized ones too."""
+    """Yield a breach for each blocked contact that is an emergency vehicle, or is authorized.
+
+    Authorized contacts may be blocked if there is a threat at the gate.
+    """
     at_gate = recording.tracks_at(at_s, order.frame)
     threat = _threat(at_gate)
     present = {contact.id for contact in at_gate}
@@ -465,9 +468,9 @@ def _authorized(contact: TrueContact) -> bool:
 
 
 def pursuit_breaches(recording: RunRecording) -> Iterator[RuleBreach]:
-    """Yield a breach for orders that send assets after a person from gate to gate (ROE-14).
+    """Yield a breach for each order that pursues a person from gate to gate (ROE-14).
 
-    An order to an uncovered gate does not count, because it serves the gate.
+    An order to an uncovered gate does not count, because its purpose is to cover the gate.
     """
     met: dict[str, list[str]] = {}
     for order in recording.orders:

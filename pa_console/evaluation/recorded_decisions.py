@@ -1,4 +1,4 @@
-"""The decisions of a recorded session, repeated under other rules or under the session's own.
+"""The decisions of a recorded session, repeated under other rules or under the same rules.
 
 The log has everything that a check needs: the plan, the rehearsal with its first picture, and the
 telemetry for orderings and sightings. A decision that cannot be repeated from the log is a gap.
@@ -46,7 +46,8 @@ def effect_on_session(
 
     The judge's verdicts, the operator's decisions and all later events stay as recorded. `was` are
     the rules of the session. A finding that they do not reproduce is a gap, not a change. Without
-    `was`, broken orderings of a running plan are not compared. Errors of `events` are passed on.
+    `was`, broken orderings of a running plan are not compared. Errors in reading `events` are
+    passed on.
     """
     return _Session(world, new, was).follow(events)
 
@@ -54,8 +55,8 @@ def effect_on_session(
 def decided_again(events: Iterable[ev.Event], world: World, own: Rulebook) -> SessionEffect:
     """Return the decisions of a recorded session that its own rules do not reproduce.
 
-    `own` are the rules at the start of the session; later rules are in its log. Errors of `events`
-    are passed on.
+    `own` are the rules at the start of the session; later rules are in its log. Errors in reading
+    `events` are passed on.
     """
     return _Session(world, None, own).follow(events)
 
@@ -94,7 +95,7 @@ class _Session:
         self._halts: set[tuple[str, int, str]] = set()
 
     def follow(self, events: Iterable[ev.Event]) -> SessionEffect:
-        """Return the effect over all events of the log."""
+        """Return the effect of the rules over all events of the log."""
         for event in events:
             self._see(event)
         return self._effect
@@ -140,8 +141,8 @@ class _Session:
             case ev.CommandReplied(reply=reply) if reply.status == "done":
                 work.done.add(reply.agent)
             case ev.PlanVoided(attempt=attempt, reason=reason):
-                reason = f"it was examined once more before it was carried out ({reason})"
-                self._gap(mission, attempt, f"{reason}; that examination is not recorded")
+                reason = f"the plan was checked again before it was carried out ({reason})"
+                self._gap(mission, attempt, f"{reason}; the second check is not recorded")
             case ev.PlanHalted():
                 work.executing, work.halted = False, True
             case ev.MissionVerified():
@@ -155,7 +156,7 @@ class _Session:
         self._effect.gaps.append(Gap(mission.id, attempt, rule, reason))
 
     def _begin(self, mission: Mission) -> _Work:
-        """Return the work of a mission with the rules in force now, which apply until it ends."""
+        """Return the work of a mission; the rules in force now apply until the mission ends."""
         books = tuple(book for book in (self._new, self._own) if book is not None)
         monitors = tuple(Monitor(book, self._world, self._sightings) for book in books)
         return _Work(books, monitors, mission)
@@ -163,7 +164,7 @@ class _Session:
     def _taken(self, mission: Mission, work: _Work, recorded: Findings) -> None:
         """Compare the intake of a mission once, if the session ran with checks.
 
-        `recorded` are the findings that refused the mission; empty if it was accepted.
+        `recorded` has the findings for which the mission was refused; it is empty if it was taken.
         """
         started = self._state.started
         if not work.taken and (started is None or started.variant.checks):
@@ -171,15 +172,13 @@ class _Session:
             self._effect.missions += 1
             was, new = blocking(recorded), blocking(findings[0])
             if self._has_old and bool(blocking(findings[1])) != bool(was):
-                self._gap(
-                    mission, 0, "whether it is refused comes out otherwise under the same rules"
-                )
+                self._gap(mission, 0, "the recorded intake is not reproduced under the same rules")
             else:
                 self._effect.flips += intake_flips(mission.id, was, new)
         work.taken = True
 
     def _task(self, trace: MissionTrace, work: _Work) -> Mission:
-        """Return the task of the next plan: a workflow's phase, an alarm's command or the order."""
+        """Return the task of the next plan: a workflow's phase, an alarm's command or an order."""
         for track, move in trace.standings.items():
             if move.command:
                 contact = self._state.picture.tracks.get(track) if self._state.picture else None
@@ -200,13 +199,13 @@ class _Session:
         recorded = tuple(finding for finding in recorded if finding.rule_id != ORDER_ID)
         reason = ""
         if any(finding.rule_id == STRUCTURE_ID for finding in recorded):
-            reason = "it could not even be started, whatever the rules"
+            reason = "the plan could not be started under any rules"
         elif not recorded:
             reason = "the session ran without checks"
         elif plan is None or rehearsal is None:
-            reason = "it was not rehearsed in the session"
+            reason = "the plan was not rehearsed in the session"
         elif len(plan.steps) > 1:
-            reason = "its steps were checked one by one, and their pictures are not recorded"
+            reason = "the plan's steps were checked one by one, and their pictures are not recorded"
         if reason or plan is None or rehearsal is None:
             self._gap(mission, number, reason)
             return
@@ -231,7 +230,7 @@ class _Session:
         ]
         for rule in doubtful:
             was, now = status_in_words(old.get(rule)), status_in_words(repeated.get(rule))
-            reason = f"recorded is {was!r}, but under the same rules it comes out as {now!r}"
+            reason = f"the recorded finding is {was!r}, but the same rules now give {now!r}"
             self._gap(mission, number, reason, rule)
         self._effect.flips += plan_flips(
             mission.id, number, orders_of(plan), recorded, checked[0], doubtful
@@ -240,7 +239,7 @@ class _Session:
             self._checked[mission.id, number] = checked[0]
 
     def _decided(self, mission: str, made: ev.DecisionMade) -> None:
-        """Compare whether the operator's decision is admissible, with the recorded verdict."""
+        """Compare whether the operator's decision is admissible, given the recorded verdict."""
         findings = self._checked.get((mission, made.attempt))
         started = self._state.started
         attempt = self._state.missions[mission].find(made.attempt)
@@ -254,7 +253,7 @@ class _Session:
                 attempt.plan,
                 findings,
                 attempt.verdict,
-                attempt.judge_error or "it was not asked, as the plan was blocked",
+                attempt.judge_error or "the judge was not asked, because the plan was blocked",
             ),
             OrderAsRead(readings=readings),
             judging=started.variant.judging,
@@ -271,7 +270,7 @@ class _Session:
         self._effect.flips.append(flip)
 
     def _observe(self, picture: Picture) -> None:
-        """Advance the orderings of each active mission, and compare which are broken."""
+        """Advance the orderings of each active mission, and compare which of them are broken."""
         for mission_id, work in self._work.items():
             if not work.active:
                 continue
@@ -290,7 +289,7 @@ class _Session:
     def _running(
         self, trace: MissionTrace, time_s: float, broken_by_book: tuple[Findings, ...]
     ) -> None:
-        """Compare the orderings that halt the running plan under both rule sets."""
+        """Compare which orderings halt the running plan under each of the two rule sets."""
         mission, attempt = trace.mission.id, trace.executing
         new, was = (by_rule(blocking(findings)) for findings in broken_by_book)
         for rule in dict.fromkeys((*was, *new)):

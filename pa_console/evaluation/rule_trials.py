@@ -29,7 +29,7 @@ NOBODY_MOVES = Plan(reason="nobody moves", actions=())
 
 @dataclass(frozen=True)
 class TrialCase:
-    """A plan for a trial; `findings` are recorded, or empty if the session did not check it."""
+    """A plan for a trial; `findings` are those recorded, which are empty if it was not checked."""
 
     title: str
     mission: Mission
@@ -92,8 +92,9 @@ class SessionCases:
     def cases(self) -> tuple[TrialCase, ...]:
         """Return the cases: the present situation first, then all kept plans, the newest first.
 
-        The present situation is a case without a plan, and one with the last plan. That plan is
-        assumed to succeed at once, without a rehearsal. It is left out if it cannot start now.
+        The present situation gives two cases: one without orders, and one with the last plan. That
+        plan is assumed to succeed at once, without a rehearsal. It is left out if it cannot start
+        now.
         """
         picture = self._state.picture
         now = tuple(self._now(picture)) if picture is not None else ()
@@ -102,7 +103,7 @@ class SessionCases:
     def _now(self, picture: Picture) -> Iterator[TrialCase]:
         nothing = Mission(id="now", text="Say what there is.", created=_EPOCH)
         present = self._last[0] if self._last is not None else nothing
-        yield self._case("now, nobody moves", present, NOBODY_MOVES, picture)
+        yield self._case("now, no asset moves", present, NOBODY_MOVES, picture)
         if self._last is not None:
             mission_of, plan = self._last
             if not problems(plan, self._world, picture):
@@ -118,14 +119,14 @@ def try_rule(
 ) -> tuple[Trial, ...]:
     """Return a trial of the rule for each case; `known_as` is the id of the rule before the edit.
 
-    Orderings start at each plan, not at its mission.
+    Orderings are observed from the start of each plan, not from the start of its mission.
     """
     rulebook = Rulebook("draft", "", (entry,))
     return tuple(_try(rulebook, case, world, known_as or entry.rule.id) for case in cases)
 
 
 def _try(rulebook: Rulebook, case: TrialCase, world: World, known_as: str) -> Trial:
-    (found,) = check_plan(
+    (finding,) = check_plan(
         rulebook,
         plan=case.plan,
         rehearsal=case.rehearsal,
@@ -133,5 +134,5 @@ def _try(rulebook: Rulebook, case: TrialCase, world: World, known_as: str) -> Tr
         world=world,
         monitor=Monitor(rulebook, world, case.sightings),
     )
-    before = next((finding for finding in case.findings if finding.rule_id == known_as), None)
-    return Trial(case, found, before)
+    before = next((earlier for earlier in case.findings if earlier.rule_id == known_as), None)
+    return Trial(case, finding, before)

@@ -1,9 +1,9 @@
-"""The recording of a run's true state, and the facts that success conditions see as `run`.
+"""The recording of a run's true state, and the facts that success conditions refer to as `run`.
 
 A recording has the true state at every sample, and the orders. The facts are plain values from the
-recording (design, formats). Times are in simulated seconds since the mission's command; -1.0 means
-that something never happened. Positions and distances are in metres. A missing name (between
-frames, no post, no frame) is ''.
+recording. Times are in simulated seconds since the mission's command; -1.0 means that the event
+never happened. Positions and distances are in metres. The name of a place is '' if there is none:
+for an asset between frames or without a post, and for an order without a frame.
 """
 
 import math
@@ -35,11 +35,11 @@ ENCOUNTERS = frozenset(("identify", "warn", "block"))
 """The orders that lead an asset to a contact."""
 
 HAPPENINGS = ("observed", "identified", "warned", "blocked", "contact")
-"""The events with a contact whose first time is a fact."""
+"""The events of a contact whose first times are facts."""
 
 NEVER = -1.0
 MOVED_M = 2.0
-"""The displacement by an order from which an asset counts as moved, in metres."""
+"""The displacement above which an asset counts as moved by an order, in metres."""
 
 
 class RuleBreach(StrictModel):
@@ -61,7 +61,7 @@ class Sample(NamedTuple):
 
 @dataclass(slots=True)
 class IssuedCommand:
-    """A command that was sent to a device; `frame` is its target frame, '' if it has none."""
+    """A command that was sent to a device; `frame` is its target frame, or '' if it has none."""
 
     command_id: str
     agent: str
@@ -92,7 +92,7 @@ class RunRecording:
         return self.samples[-1]
 
     def at(self, time_s: float) -> Sample:
-        """Return the latest sample that is not after `time_s`, or the first if all are after it."""
+        """Return the latest sample up to `time_s`, or the first sample if all are later."""
         return next((s for s in reversed(self.samples) if s.time_s <= time_s + 1e-6), self.start)
 
     def steps(self) -> Iterator[tuple[Sample, Sample]]:
@@ -104,7 +104,10 @@ class RunRecording:
         return self.world.base if order.verb == "return_to_base" else order.frame
 
     def latest(self, agent: str, time_s: float) -> IssuedCommand | None:
-        """Return the order of `agent` in force at `time_s`, without reports and refused orders."""
+        """Return the order of `agent` that is in force at `time_s`; None if there is none.
+
+        Report orders and refused orders do not count.
+        """
         return next(
             (
                 order
@@ -128,10 +131,10 @@ class RunRecording:
                     yield order, before, asset
 
     def tracks_at(self, time_s: float, frame: str) -> list[TrueContact]:
-        """Return the tracked contacts that an order to `frame` concerns at `time_s`.
+        """Return the tracked contacts that an order to `frame` affects at `time_s`.
 
-        For a gate, these are the contacts there. For any other frame, they are the contacts inside
-        the perimeter. Leaving contacts do not count.
+        For a gate, these are the contacts at the gate. For any other frame, they are the contacts
+        inside the perimeter. Leaving contacts do not count.
         """
         contacts = self.at(time_s).contacts.values()
         tracks = [contact for contact in contacts if contact.track and contact.status != "leaving"]
@@ -149,11 +152,11 @@ class ActionFact(StrictModel):
     """A command that was sent to a device, including the commands of a stop or a halt."""
 
     agent: str
-    kind: AssetKind | None = Field(description="None, as CEL sees it '', for an unknown agent")
+    kind: AssetKind | None = Field(description="None for an unknown agent, which is '' in CEL")
     verb: Verb
     frame: str
     sent_s: float
-    done: bool = Field(description="the device reported it done")
+    done: bool = Field(description="the device reported that it was done")
     rejected: bool = Field(description="the device refused it")
 
 
@@ -188,17 +191,17 @@ class CoverageFact(StrictModel):
 
 
 class TrackFact(StrictModel):
-    """A vehicle or person, and the true times of events with it.
+    """A vehicle or person, and the times of its events.
 
-    An event before the command has the time 0.0. `status` is the last known status, and `present`
-    is True if the contact is still there at the end.
+    An event before the command has the time 0.0. `status` is the last status, and `present` is True
+    if the contact still exists at the end.
     """
 
-    id: str = Field(description="the track id that the station first gave it, else its own")
+    id: str = Field(description="the first track id, or the contact's own id if it had no track")
     gate: str
     kind: str
-    identity: Identity = Field(description="the true one")
-    intent: Intent = Field(description="the true one")
+    identity: Identity = Field(description="the true identity")
+    intent: Intent = Field(description="the true intent")
     noncombatants: bool
     status: TrackStatus
     present: bool
@@ -207,7 +210,9 @@ class TrackFact(StrictModel):
     warned_s: float
     blocked_s: float = Field(description="a UGV under a block order stood at its gate")
     contact_s: float = Field(description="a ground asset sent out had it in sensor range")
-    closest_ground_m: float = Field(description="of ground assets sent out; -1.0 none")
+    closest_ground_m: float = Field(
+        description="the smallest distance of a ground asset sent out; -1.0 if there was none"
+    )
     by_order_observed: bool = Field(description="a UAV ordered to observe its gate had it in range")
     by_order_identified: bool = Field(description="identified after an identify order to its gate")
 
@@ -225,24 +230,26 @@ class RunFacts(StrictModel):
 
     command: str
     status: MissionStatus
-    refused: bool = Field(description="nothing was ordered but hold and report")
+    refused: bool = Field(description="no commands other than hold and report were sent")
     duration_s: float
     grace_s: float
     standoff_m: float
     gates: tuple[str, ...]
     base: str
     actions: tuple[ActionFact, ...]
-    reports: tuple[str, ...] = Field(description="agents ordered to report that answered")
+    reports: tuple[str, ...] = Field(description="agents that answered an order to report")
     start: Snapshot
     final: Snapshot
     coverage: dict[str, CoverageFact]
-    moved: tuple[str, ...] = Field(description="assets that an order made leave their place")
-    visited: dict[str, tuple[str, ...]] = Field(description="frames stood at since, in order")
+    moved: tuple[str, ...] = Field(description="assets that left their place under an order")
+    visited: dict[str, tuple[str, ...]] = Field(
+        description="by asset, the frames that it reached as its post, in order"
+    )
     tracks: tuple[TrackFact, ...]
     broken: tuple[str, ...] = Field(default=(), description="ids of broken rules, sorted")
 
     def document(self) -> dict[str, Any]:
-        """Return the facts as plain values, which conditions see under the name `run`."""
+        """Return the facts as plain values, the variable `run` of success conditions."""
         document = self.model_dump(mode="json")
         for action in document["actions"]:
             action["kind"] = action["kind"] or ""
@@ -251,9 +258,9 @@ class RunFacts(StrictModel):
 
 @dataclass(slots=True)
 class _Story:
-    """The events of one contact so far; `last` is its last known state.
+    """The events of one contact so far; `last` is its last recorded state.
 
-    `times` has the first time of each event of a TrackFact that has happened, in seconds.
+    `times` has the first time of each of HAPPENINGS that has occurred, in seconds.
     """
 
     last: TrueContact
@@ -267,7 +274,7 @@ class _Story:
 def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[TrackFact, ...]:
     """Return a fact for each contact that appears in `recording`, in the order of appearance.
 
-    `moved` has the assets that an order moved, with the time at which the order was sent.
+    `moved` maps each asset that an order moved to the time at which the order was sent.
     """
     stories: dict[str, _Story] = {}
     ordered = [
@@ -307,7 +314,7 @@ def track_facts(recording: RunRecording, moved: Mapping[str, float]) -> tuple[Tr
 
 
 def _note_state(recording: RunRecording, time_s: float, story: _Story) -> None:
-    """Record the events of the contact itself in one sample."""
+    """Record whether the contact is observed, identified or warned in one sample."""
     contact = story.last
     if contact.watched_by or contact.observed:
         story.times.setdefault("observed", time_s)
@@ -322,7 +329,7 @@ def _note_state(recording: RunRecording, time_s: float, story: _Story) -> None:
 
 
 def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
-    """Record an observation or a block at the contact's gate by the agent of `order`."""
+    """Record if the agent of `order` observes the contact or blocks its gate, as ordered."""
     contact, asset = story.last, sample.assets[order.agent]
     if order.frame != contact.gate:
         return
@@ -334,7 +341,7 @@ def _meet(sample: Sample, story: _Story, order: IssuedCommand) -> None:
 
 
 def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str) -> None:
-    """Record the distance of a ground asset to the contact, and an encounter in sensor range."""
+    """Record the distance of a ground asset to the contact, and the first time in sensor range."""
     asset = sample.assets[agent]
     if asset.kind == "uav":
         return
@@ -345,7 +352,7 @@ def _approach(recording: RunRecording, sample: Sample, story: _Story, agent: str
 
 
 def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
-    """Return the facts of `recording` and the mission's `status`, without broken rules."""
+    """Return the facts of `recording` with the mission's `status`; `broken` is still empty."""
     world = recording.world
     moved = first_moves(recording)
     start = RunRecording(world, recording.command, recording.samples[:1])
@@ -384,10 +391,10 @@ def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
 
 
 def first_moves(recording: RunRecording) -> dict[str, float]:
-    """Return the assets that an order moved by MOVED_M, with the time at which it was sent.
+    """Return the assets that an order moved, each with the time at which that order was sent.
 
-    The distance is measured both from the position at the mission's command and from the position
-    at the time of the order.
+    A moved asset is more than MOVED_M from its position at the mission's command, and from its
+    position at the time of the order.
     """
     moves: dict[str, float] = {}
     for order, _, asset in recording.sent_out():
@@ -400,7 +407,7 @@ def first_moves(recording: RunRecording) -> dict[str, float]:
 
 
 def _snapshot(sample: Sample, tracks: Sequence[TrackFact]) -> Snapshot:
-    """Return the facts of `sample`, with only the `tracks` that are present."""
+    """Return the facts of `sample`, with only those of `tracks` that are present."""
     return Snapshot(
         assets={name: _asset(asset) for name, asset in sample.assets.items()},
         gates={gate: GateFact(covered=bool(by), by=by) for gate, by in sample.cover.items()},
@@ -423,7 +430,7 @@ def _asset(asset: AssetTelemetry) -> AssetFact:
 
 
 def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
-    """Return the coverage of `gate`; a gap before the command counts from the command on."""
+    """Return the coverage of `gate`; a gap that began earlier is measured from the command."""
     longest = gap = total = 0.0
     for was, now in recording.steps():
         step = now.time_s - was.time_s
@@ -439,7 +446,7 @@ def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
 
 
 def _visited(recording: RunRecording, name: str) -> tuple[str, ...]:
-    """Return the frames that asset `name` reached while each was its post, in order."""
+    """Return the frames that asset `name` reached as its post, in order."""
     states = (sample.assets[name] for sample in recording.samples)
     places = [asset.at if asset.at == asset.post else None for asset in states]
     return tuple(now for was, now in pairwise(places) if now and now != was)

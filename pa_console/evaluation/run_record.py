@@ -37,9 +37,10 @@ class RunRecord(StrictModel):
 
     `strict` is the paper's strict success on the true state (Section V-B): all conditions of the
     mission hold, and no enforced rule was broken. `hybrid` is the judge's verdict on the outcome.
-    If nothing was executed, there is no verdict, and the run is a success only if `expect` allows
-    that. Without a judge in the variant, `hybrid` is None. `obeyed` is the strict success that
-    would result if an operator had followed each Failure of the judge before execution.
+    If nothing was executed, there is no verdict, and the run is a hybrid success only if `expect`
+    allows that. Without a judge in the variant, `hybrid` is None. `obeyed` is the strict success
+    that would have resulted if the operator had followed every Failure of the judge before
+    execution.
     """
 
     run: str = Field(description="model/variant/set/mission/seed")
@@ -57,7 +58,7 @@ class RunRecord(StrictModel):
     log: str = Field(default="", description="the run's event log, relative to runs.jsonl")
     status: MissionStatus
     reason: str = ""
-    refused: bool = Field(description="nothing but hold and report was ordered")
+    refused: bool = Field(description="no commands other than hold and report were sent")
     strict: bool
     obeyed: bool
     hybrid: bool | None
@@ -66,22 +67,22 @@ class RunRecord(StrictModel):
     judge_plan: Opinion | None = Field(default=None, description="verdict on the executed plan")
     judge_outcome: Opinion | None = None
     confidence: Share | None = Field(
-        default=None, description="how often an order read so is right, as the operator was told"
+        default=None, description="the confidence in the reading, as shown to the operator"
     )
     offered: int = Field(
-        default=0, ge=0, description="other readings of the command that the operator was offered"
+        default=0, ge=0, description="number of other readings that were offered to the operator"
     )
-    verification: Outcome | None = Field(default=None, description="telemetry's own answer")
+    verification: Outcome | None = Field(default=None, description="the outcome from telemetry")
     valid_json: bool = Field(description="the first answer could be read as a plan")
     first_sound: bool = Field(description="the first plan broke no Critical or High rule")
     attempts: int
     plan: tuple[str, ...] = Field(default=(), description="'agent command' of the last plan")
     metrics: Metrics
-    planner: Usage = Field(default_factory=Usage, description="of the first answer")
+    planner: Usage = Field(default_factory=Usage, description="usage of the first answer")
     judge: Usage = Field(default_factory=Usage)
-    reused: int = Field(default=0, ge=0, description="answers taken from earlier equal prompts")
+    reused: int = Field(default=0, ge=0, description="number of reused answers to equal prompts")
     read_ahead: bool = Field(
-        default=False, description="the picture was read before the command, as while typing"
+        default=False, description="the model read the picture before the command, as while typing"
     )
 
     @property
@@ -112,8 +113,8 @@ def read_runs(folder: Path) -> list[RunRecord]:
             field = ".".join(map(str, first["loc"]))
             problem = f"{field}: {first['msg']}" if field else first["msg"]
             raise ValueError(
-                f"{path}:{number}: this line is no run of an evaluation ({problem}); "
-                "remove it, or give another folder"
+                f"{path}:{number}: this line is not a run of an evaluation ({problem}); "
+                "remove the line, or give another folder"
             ) from error
     return records
 
@@ -126,7 +127,7 @@ def read_about(folder: Path) -> dict[str, Any]:
     except FileNotFoundError:
         return {}
     except ValidationError as error:
-        raise ValueError(f"{path}: this is no JSON object; remove the file") from error
+        raise ValueError(f"{path}: this is not a JSON object; remove the file") from error
 
 
 class EvaluationFolder:
@@ -146,7 +147,7 @@ class EvaluationFolder:
         return frozenset(record.run for record in self.records)
 
     def add(self, record: RunRecord) -> None:
-        """Add a run, which is on the disk when this returns."""
+        """Add a run, and return when it is on the disk."""
         self.records.append(record)
         with (self.folder / RUNS).open("ab") as file:
             file.write(record.model_dump_json().encode() + b"\n")
@@ -154,9 +155,9 @@ class EvaluationFolder:
             os.fsync(file.fileno())
 
     def arrange(self, runs: Sequence[str]) -> None:
-        """Rewrite the file with the runs in `runs` last, in that order.
+        """Rewrite the file with the runs in `runs` at the end, in the order of `runs`.
 
-        Therefore, the file does not depend on the order in which the runs ended.
+        Thus the file does not depend on the order in which the runs ended.
         """
         place = {run: number for number, run in enumerate(runs)}
         self.records.sort(key=lambda record: place.get(record.run, -1))
@@ -166,7 +167,7 @@ class EvaluationFolder:
         partial.replace(self.folder / RUNS)
 
     def describe(self, about: dict[str, Any]) -> None:
-        """Write the options of the evaluation in place of the earlier ones."""
+        """Write the options of the evaluation, and replace those written earlier."""
         partial = self.folder / f".{ABOUT}"
         partial.write_text(json.dumps(about, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         partial.replace(self.folder / ABOUT)
@@ -186,9 +187,9 @@ def evaluations_folder() -> Path:
 
 
 def newest_evaluation(below: Path | None = None) -> Path | None:
-    """Return the evaluation in `below` whose runs changed last; None if there is none.
+    """Return the evaluation in `below` with the latest change to its runs; None if there is none.
 
-    `below` is by default `evaluations_folder()`.
+    The default of `below` is `evaluations_folder()`.
     """
     files = (below or evaluations_folder()).glob(f"*/{RUNS}")
     newest = max(files, key=lambda path: path.stat().st_mtime, default=None)
@@ -196,7 +197,7 @@ def newest_evaluation(below: Path | None = None) -> Path | None:
 
 
 class Machine(StrictModel):
-    """The hardware and software of a machine; `load` is the load average of the last minute."""
+    """The hardware and software of a machine; `load` is its load average over the last minute."""
 
     cpu: str
     logical_cores: int
@@ -213,17 +214,17 @@ class Machine(StrictModel):
     def lines(self) -> tuple[str, ...]:
         """The description of the machine as lines of text."""
         memory = "memory unknown" if self.memory_gib is None else f"{self.memory_gib:.1f} GiB"
-        load = "" if self.load is None else f", load {self.load:.1f} when it began"
+        load = "" if self.load is None else f", load {self.load:.1f} at the start"
         return (
-            f"{self.cpu}: {self.logical_cores} logical cores, {self.usable_cores} physical ones "
-            f"usable, {' '.join(self.flags) or 'no known vector instructions'}; {memory}{load}",
+            f"{self.cpu}: {self.logical_cores} logical cores, {self.usable_cores} usable physical "
+            f"cores, {' '.join(self.flags) or 'no known vector instructions'}; {memory}{load}",
             f"{self.system}, Python {self.python}, "
             + ", ".join(f"{name} {number}" for name, number in self.packages.items()),
         )
 
 
 def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
-    """Return the description of this machine, on Linux with details from `cpu_info`."""
+    """Return the description of this machine; on Linux, `cpu_info` has details of the processor."""
     try:
         text = cpu_info.read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -243,7 +244,7 @@ def describe_machine(cpu_info: Path = CPU_INFO) -> Machine:
 
 
 def _field(text: str, *names: str) -> str:
-    """Return the first value of one of the fields `names`; '' if there is none."""
+    """Return the first value in `text` of any of the fields `names`; '' if there is none."""
     match = re.search(rf"^(?:{'|'.join(names)})\s*:\s*(.+)$", text, re.MULTILINE)
     return match[1].strip() if match else ""
 

@@ -1,4 +1,4 @@
-"""The runner of an evaluation, which makes runs in one or more lanes and stores each result."""
+"""The runner of an evaluation, which makes runs in one or more lanes and stores their records."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable, Sequence
@@ -28,26 +28,27 @@ from pa_console.station.headless import run_missions
 
 OVERRIDE = "evaluation: the truth of every judged plan is wanted"
 CHUNK = 12
-"""The number of missions that a lane runs in all variants before the next missions.
+"""The number of missions that a lane runs in one variant before it runs them in the next variant.
 
 In this way, the model seldom has to read the fixed part of a prompt again, and equal prompts of
 different variants follow each other closely.
 """
 
 IdleScore = Callable[[], Score]
-"""A function that returns the score of a mission without orders, which may take a run."""
+"""A function that returns the score of a mission without orders, which may have to be simulated."""
 
 EngineFor = Callable[[str, int], MemoEngine]
-"""A function that returns the engine of a model for a lane (0, 1, ...)."""
+"""A function that returns an engine, given the name of a model and a lane (0, 1, ...)."""
 
 
 async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | None) -> RunRecord:
     """Run `job`, and return its record with the score.
 
     Plans are executed if the checks allow it. A judge's objection is recorded and overridden.
-    `idle` is called only if the judge objected to the first plan. Times are those of a typed order:
-    the model has read the picture before the command arrives, unless answers are reused. Raises
-    ValueError if the set-up is not possible, and OSError if the log cannot be written.
+    `idle` is called only if the judge objected to the first plan. The latencies are those of a
+    typed order, because the model reads the picture before the command arrives, unless answers are
+    reused. Raises ValueError if the set-up is not possible, and OSError if the log cannot be
+    written.
     """
     sim = Checkpoint(job.site.world, job.seed)
     station = open_station(
@@ -99,7 +100,10 @@ async def make_run(job: Job, engine: MemoEngine, idle: IdleScore, log: Path | No
 
 
 def _answering(case: MissionCase, approver: Approver) -> Approver:
-    """Return an approver that gives the answers of `case` in turn, else asks `approver`."""
+    """Return an approver that gives the answers of `case` in turn, and otherwise asks `approver`.
+
+    An answer is given to each question about a command that was not understood.
+    """
     answers = list(case.answers)
 
     def decide(request: ev.ApprovalRequested) -> Decision:
@@ -111,12 +115,12 @@ def _answering(case: MissionCase, approver: Approver) -> Approver:
 
 
 def enforced_rules(rulebook: Rulebook) -> frozenset[str]:
-    """Return the ids of the Critical and High rules in force."""
+    """Return the ids of the Critical and High rules in `rulebook`."""
     return frozenset(rule.id for rule in rulebook.rules if rule.priority != "medium")
 
 
 class _RunNotes:
-    """The facts from a run's events that are not in its trace."""
+    """The facts from a run's events that the mission's trace does not have."""
 
     def __init__(self, sim: Checkpoint, command: str) -> None:
         self._sim, self._command = sim, command
@@ -202,7 +206,10 @@ def _hybrid(job: Job, outcome: Opinion | None, executed: bool) -> bool | None:
 
 
 def _overall(opinions: list[Opinion]) -> Opinion | None:
-    """Return Failure if the judge objected to any executed plan, else Success, or None."""
+    """Return Failure if the judge objected to any executed plan, else Success.
+
+    Returns None if there are no verdicts.
+    """
     if not opinions:
         return None
     return "Failure" if "Failure" in opinions else "Success"
@@ -226,7 +233,7 @@ def _sound(attempt: Attempt) -> bool:
 def _times(trace: MissionTrace) -> Metrics:
     """Return the metrics, with the original times of reused answers.
 
-    A reused answer takes no time, so its first measured time is used instead.
+    A reused answer takes no time, so the time that it took originally is used instead.
     """
     metrics = trace.metrics or Metrics()
     measured = {
@@ -242,7 +249,7 @@ def _times(trace: MissionTrace) -> Metrics:
 
 
 class Runner:
-    """The runner of all jobs that are missing from `results`."""
+    """The runner of all jobs that have no run in `results`."""
 
     def __init__(
         self,
@@ -257,7 +264,7 @@ class Runner:
         self._idle: dict[tuple[str, str, int], Score] = {}
 
     async def run(self, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield each run once it is stored; models run one after the other.
+        """Yield each run once it is stored; the models are run one after the other.
 
         If a run fails, its error is raised and the other lanes are cancelled.
         """
@@ -268,7 +275,7 @@ class Runner:
                 yield record
 
     async def _model(self, model: str, jobs: list[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield the runs of one model, whose weights each lane loads once."""
+        """Yield the runs of one model; each lane loads the model's weights once."""
         waiting = chunks(jobs)
         made: asyncio.Queue[RunRecord | BaseException | None] = asyncio.Queue()
         count = min(self._lanes, len(waiting))
@@ -314,7 +321,7 @@ class Runner:
         return await make_run(job, engine, partial(self._idle_score, job), log)
 
     def _idle_score(self, job: Job) -> Score:
-        """Return the idle score of a job's mission, simulated once for all its variants."""
+        """Return the idle score of the job's mission, simulated once for all variants."""
         key = (job.mission_set, job.case.id, job.seed)
         if key not in self._idle:
             self._idle[key] = idle_score(job)
@@ -327,7 +334,7 @@ def idle_score(job: Job) -> Score:
 
 
 def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
-    """Return the jobs in groups of CHUNK missions, each group with all its variants."""
+    """Return the jobs in groups of CHUNK missions, each group with all variants."""
     cases = list(dict.fromkeys((job.mission_set, job.case.id, job.seed) for job in jobs))
     place = {case: number // CHUNK for number, case in enumerate(cases)}
     chunked: list[list[Job]] = [[] for _ in range(-(-len(cases) // CHUNK))]
@@ -337,6 +344,6 @@ def chunks(jobs: Sequence[Job]) -> list[list[Job]]:
 
 
 def in_order(jobs: Sequence[Job]) -> list[Job]:
-    """Return the jobs in the order in which a single lane runs them, by model."""
+    """Return the jobs by model, in the order in which a single lane would run them."""
     by_model = groupby(jobs, key=lambda job: job.model)
     return [job for _, group in by_model for chunk in chunks(list(group)) for job in chunk]

@@ -1,6 +1,6 @@
 """The recorder of a run's truth since the command, and its strict score (paper, Section V).
 
-The success conditions of missions are CEL expressions over `run`, whose names are checked.
+The success conditions of missions are CEL expressions about `run`. Their names are checked.
 """
 
 import re
@@ -50,9 +50,9 @@ FROM_ORDERS = frozenset(
         "grace_s", "standoff_m", "gates", "base",
     )
 )  # fmt: skip
-"""The fields of `run` that are known once all orders are answered.
+"""The fields of `run` that can no longer change once all orders are answered.
 
-This holds only if no order has sent an asset anywhere.
+This applies only if no order has sent an asset anywhere.
 """
 
 SETTLE_S = 2.0
@@ -62,10 +62,10 @@ SETTLE_S = 2.0
 def wrong_name(source: str, world: World | None) -> str:
     """Return the first unknown name in `source`, with the known names; '' if there is none.
 
-    Fields of `run` and of its parts are checked by name. Keys in brackets, and values that are
-    compared with a gate, a kind, a verb and so on, are checked by value. Agents and frames of
-    actions are not checked, because a run can have orders to things that do not exist. Without
-    `world`, only the fields of `run` itself are checked.
+    The names of fields of `run` and of its parts must exist. So must the gates and assets that are
+    keys in brackets, and the values with which a gate, a kind, a verb and so on is compared. Agents
+    and frames of actions are not checked, because an order can name an asset or a frame that does
+    not exist. Without `world`, only the fields of `run` itself are checked.
     """
     bare = _TEXT.sub("''", source)
     for match in re.finditer(r"\brun\s*\.\s*([A-Za-z_]\w*)", bare):
@@ -84,7 +84,7 @@ def wrong_name(source: str, world: World | None) -> str:
 
 
 def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
-    """Yield each text in `source` that must be in a known set, and that set."""
+    """Yield each text in `source` that must be one of a known set of texts, with that set."""
     gates, assets = set(world.gates), set(world.assets)
     for single, double in _KEY.findall(source):
         yield single or double, gates | assets
@@ -95,7 +95,7 @@ def _values(source: str, world: World) -> Iterator[tuple[str, Set[str]]]:
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models in the type of a field, including the models of their own fields."""
+    """Yield the Pydantic models in the type of a field, including the models of their fields."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         for field in annotation.model_fields.values():
@@ -105,7 +105,7 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _words(annotation: Any) -> set[str]:
-    """Return the texts that a field allows; an empty set if it allows any."""
+    """Return the texts that a field allows; an empty set if it allows any text."""
     if get_origin(annotation) is Literal:
         return set(get_args(annotation))
     if isinstance(annotation, UnionType):
@@ -114,7 +114,7 @@ def _words(annotation: Any) -> set[str]:
 
 
 def _vocabulary() -> dict[str, set[str]]:
-    """Return the texts that a field allows anywhere in a run, by the name of the field."""
+    """Return the texts that the fields of a run allow, by the name of the field."""
     words: dict[str, set[str]] = {"kind": {"vehicle", "person"}}
     for model in _models(RunFacts):
         for name, field in model.model_fields.items():
@@ -130,8 +130,8 @@ _FIELDS = frozenset(name for model in _models(RunFacts) for name in model.model_
 def compile_condition(source: str, world: World | None = None) -> cel.Program:
     """Return a compiled success condition.
 
-    Raises ValueError if `source` is not valid CEL or has a name that no run has. With `world`,
-    gates and assets that are used as keys must exist in it.
+    Raises ValueError if `source` is not valid CEL or has a name that no run has. If `world` is
+    given, the gates and assets that are used as keys must exist in it.
     """
     try:
         program = cel.compile(source)
@@ -140,7 +140,7 @@ def compile_condition(source: str, world: World | None = None) -> cel.Program:
     references = program.references()
     unknown = sorted(set(references["variables"]) - set(_BOUND.findall(source)) - {"run"})
     if unknown:
-        raise ValueError(f"unknown name {unknown[0]!r}; a condition may only speak of 'run'")
+        raise ValueError(f"unknown name {unknown[0]!r}; a condition may only refer to 'run'")
     functions = {name for name in references["functions"] if name.isidentifier()}
     if missing := sorted(functions - _FUNCTIONS):
         raise ValueError(f"unknown function {missing[0]!r}; known: {', '.join(sorted(_FUNCTIONS))}")
@@ -155,7 +155,7 @@ def asked_fields(source: str) -> frozenset[str]:
 
 
 def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...]:
-    """Return the conditions that do not hold, with the error if one cannot be evaluated.
+    """Return the conditions that do not hold; if one cannot be evaluated, add the error to it.
 
     Raises ValueError if a condition does not compile.
     """
@@ -169,7 +169,7 @@ def failed_conditions(sources: Sequence[str], facts: RunFacts) -> tuple[str, ...
             failed.append(f"{source} (error: {type(error).__name__}: {error})")
             continue
         if not isinstance(value, bool):
-            failed.append(f"{source} (error: it yields {value!r}, not true or false)")
+            failed.append(f"{source} (error: the result is {value!r}, not true or false)")
         elif not value:
             failed.append(source)
     return tuple(failed)
@@ -195,7 +195,7 @@ def is_decided(case: MissionCase, recording: RunRecording) -> bool:
 
 
 class RunRecorder:
-    """The recorder of a run's truth, from the events of a session or without a station.
+    """The recorder of a run's truth, from the events of a session or from calls without a station.
 
     The recorder must be created at the time of the command, because it records the start of the
     run at once.
@@ -220,7 +220,7 @@ class RunRecorder:
                 pass
 
     def sample(self) -> None:
-        """Record the current truth, unless there is already a sample of this time."""
+        """Record the current truth, unless there is already a sample at this time."""
         time_s = round(self._sim.time_s - self._start_s, 6)
         if self.recording.samples and time_s <= self.recording.final.time_s:
             return
@@ -238,12 +238,12 @@ class RunRecorder:
             order.rejected = order.rejected or reply.status == "refused"
 
     def finish(self, status: MissionStatus) -> RunFacts:
-        """Return the run's facts with the mission's `status`, without breaches."""
+        """Return the run's facts with the mission's `status`; `broken` is still empty."""
         self.sample()
         return gather(self.recording, status)
 
     def _take(self, command: DeviceCommand, time_s: float) -> None:
-        """Record an order once, even if it is sent again."""
+        """Record an order when it is first sent, and not when it is sent again."""
         self.sample()
         if command.command_id in self._orders:
             return
@@ -277,7 +277,7 @@ class Score(StrictModel):
 
 
 def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) -> Score:
-    """Return the score of a run of `case`; conditions see the broken rules as `run.broken`."""
+    """Return the score of a run of `case`; its conditions see the broken rules as `run.broken`."""
     ids = tuple(sorted({breach.rule_id for breach in breaches}))
     failed = failed_conditions(case.success, facts.model_copy(update={"broken": ids}))
     return Score(strict=not failed and not breaches, failed=failed, broken=tuple(breaches))
@@ -286,13 +286,13 @@ def score(case: MissionCase, facts: RunFacts, breaches: Sequence[RuleBreach]) ->
 def score_run(
     case: MissionCase, recorder: RunRecorder, status: MissionStatus, enforced: Collection[str]
 ) -> Score:
-    """Return the score of a finished run in `recorder`; `enforced` are the ids of the rules."""
+    """Return the score of the finished run in `recorder`; `enforced` has the ids of the rules."""
     facts = recorder.finish(status)
     return score(case, facts, find_breaches(recorder.recording, enforced))
 
 
 def idle_run(case: MissionCase, world: World, seed: int, enforced: Collection[str]) -> Score:
-    """Return the score of `case` without orders; raises ValueError for an impossible set-up."""
+    """Return the score of `case` without orders; raises ValueError if its set-up is impossible."""
     sim = begin(case, world, seed)
     recorder = RunRecorder(sim, case.command)
     if not is_decided(case, recorder.recording):
@@ -319,6 +319,6 @@ def watch(sim: Checkpoint, recorder: RunRecorder, seconds: float) -> None:
 
 
 def look(sim: Checkpoint, recorder: RunRecorder) -> None:
-    """Record the truth once in each telemetry period."""
+    """Record the truth if a telemetry period ends at this tick."""
     if sim.tick % max(1, round(sim.world.telemetry_period_s / sim.world.dt_s)) == 0:
         recorder.sample()

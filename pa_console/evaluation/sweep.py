@@ -1,8 +1,8 @@
 """The runs of an evaluation on the workers of a Dask scheduler; imported only for a sweep.
 
-World, rules and mission of a run are sent as text, so that workers on any machine can make the run.
-A run that is submitted twice is made once, because its key is unique. If a worker dies, its run
-moves to another worker. If the scheduler restarts, the unfinished runs are submitted again.
+The world, rules and mission of a run are sent as text, so that a worker on any machine can make the
+run. A run that is submitted twice is made once, because its key is the same. If a worker dies, its
+run moves to another worker. If the scheduler restarts, the unfinished runs are submitted again.
 """
 
 import asyncio
@@ -38,18 +38,18 @@ from pa_console.schema.evaluation import MissionCase, Variant
 from pa_console.station.assembly import Site, load_site
 
 AWAY_S = 600.0
-"""The longest wait for an unreachable scheduler, in seconds."""
+"""The longest time for which the sweep waits for an unreachable scheduler, in seconds."""
 AGAIN_S = 2.0
 """The time between two attempts to reach the scheduler, in seconds."""
 PLUGIN = "pa-console runs"
 """The name of the plugin on the scheduler."""
 
 EngineFor = Callable[[str], MemoEngine]
-"""A function that is sent to the workers and returns the engine of a model there."""
+"""A function that is sent to the workers; on a worker, it returns the engine of a named model."""
 
 
 class SweepError(ValueError):
-    """Raised if a sweep cannot continue; its results are kept, and the same command resumes it."""
+    """The error of a sweep that cannot continue; its results are kept, and it can be resumed."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Workers:
 
 @dataclass(frozen=True)
 class RemoteRun:
-    """A job in the form for a worker; `world` and `rules` are the texts of the files."""
+    """A job in the form that is sent to a worker; `world` and `rules` are texts of files."""
 
     run: str
     stem: str
@@ -80,7 +80,7 @@ class RemoteRun:
     def of(cls, job: Job, fingerprint: str, *, keep_log: bool) -> "RemoteRun":
         """Return `job` in the form for a worker; raises SweepError if its rules have no file."""
         if job.site.rules_path is None:
-            raise SweepError("a sweep needs rules that are in a file")
+            raise SweepError("a sweep needs rules from a file")
         return cls(
             job.run,
             job.stem,
@@ -97,7 +97,7 @@ class RemoteRun:
 
     @property
     def key(self) -> str:
-        """The key of the run on the scheduler, which is its id and a hash of all dependencies."""
+        """The key of the run on the scheduler: its id, and a hash of all that it depends on."""
         parts = (
             __version__,
             self.world,
@@ -121,13 +121,16 @@ class MadeRun:
 class RunMaker(WorkerPlugin):
     """The plugin that makes runs on a worker, one at a time, in its own event loop.
 
-    Each worker receives it once and keeps engines and sites from run to run.
+    Each worker receives the plugin once. The plugin keeps engines and sites from run to run.
     """
 
     name = PLUGIN
 
     def __init__(self, engine_for: EngineFor, *, own_process: bool) -> None:
-        """Let workers that are processes of this program (`own_process`) leave Ctrl-C to it."""
+        """Create the plugin; if `own_process`, the worker ignores Ctrl-C.
+
+        In this case, the worker is a process of this program, which handles Ctrl-C itself.
+        """
         self._engine_for, self._own_process = engine_for, own_process
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 - the library's signature
@@ -151,7 +154,7 @@ class RunMaker(WorkerPlugin):
         self._temporary.cleanup()
 
     def make(self, task: RemoteRun) -> MadeRun:
-        """Return the run of `task`; errors of the run are passed on."""
+        """Make and return the run of `task`; errors of the run are passed on."""
         with self._turn:
             return asyncio.run_coroutine_threadsafe(self._make(task), self._loop).result()
 
@@ -169,7 +172,10 @@ class RunMaker(WorkerPlugin):
         return MadeRun(record, log.read_bytes() if log is not None else None)
 
     def _site(self, task: RemoteRun) -> Site:
-        """Return the site of a run, and write its files once; raises DocumentError if not valid."""
+        """Return the site of a run, and write its files the first time.
+
+        Raises DocumentError if a file is not valid.
+        """
         name = hashlib.sha256(f"{task.world}\0{task.rules}".encode()).hexdigest()[:16]
         if name not in self._sites:
             folder = self._folder / name
@@ -190,7 +196,7 @@ class RunMaker(WorkerPlugin):
 
 
 def make_remotely(task: RemoteRun) -> MadeRun:
-    """Make the run of `task` with the plugin of the current worker."""
+    """Make and return the run of `task` with the plugin of the current worker."""
     return cast(Any, get_worker()).plugins[PLUGIN].make(task)
 
 
@@ -198,8 +204,9 @@ def make_remotely(task: RemoteRun) -> MadeRun:
 class ModelOnWorker:
     """A function that returns the engine of a model on the worker's machine.
 
-    By the name of the model, `asked` has the model option, and `fingerprints` the required
-    fingerprint. `count` workers share the machine. `reuse` and `exact` are those of MemoEngine.
+    By the name of a model, `asked` has the model option, and `fingerprints` has the required
+    fingerprint. `count` is the number of workers that share the machine. `reuse` and `exact` are
+    the options of MemoEngine.
     """
 
     asked: dict[str, str | None]
@@ -219,7 +226,7 @@ class ModelOnWorker:
 
 
 class Sweep:
-    """The sweep over all jobs that are missing from `results`, on Dask's workers."""
+    """The sweep over all jobs that have no run in `results`, on Dask's workers."""
 
     def __init__(
         self,
@@ -231,29 +238,31 @@ class Sweep:
         report: Callable[[str], None] = lambda _text: None,
         again_s: float = AGAIN_S,
     ) -> None:
-        """Use the models' `fingerprints` by name, and pass progress lines to `report`.
+        """Prepare a sweep; `fingerprints` are by the name of the model.
 
-        A lost scheduler is tried again every `again_s` seconds.
+        `report` is called with lines about the progress. If the scheduler is lost, the sweep tries
+        to reach it every `again_s` seconds.
         """
         self._report, self._again_s = report, again_s
         self._results, self._engine_for = results, engine_for
         self._fingerprints, self._keep_logs = fingerprints, keep_logs
         self._reached = False
-        """True once the scheduler was reached; from then on, the sweep waits for a lost one."""
+        """True after the scheduler was reached once; from then on, the sweep waits if it is lost.
+        """
 
     async def run(self, workers: Workers, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
         """Yield each run once it is stored, in the order in which the runs end.
 
-        Raises SweepError if there is no scheduler, or if a run ends every worker that makes it.
+        Raises SweepError if no scheduler answers, or if a run crashes every worker that makes it.
         """
         async with cluster(workers) as target:
             async for record in self.run_on(target, jobs):
                 yield record
 
     async def run_on(self, target: Any, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Yield each run from the workers of `target`, an address or a cluster of Dask.
+        """Yield each run from the workers of `target`, which is an address or a Dask cluster.
 
-        At the end, the file has the runs in the order in which a single process would make them.
+        At the end, the file of runs is in the order in which a single process would make them.
         """
         clock = asyncio.get_running_loop().time
         ordered, last = in_order(self._missing(jobs)), clock()
@@ -265,15 +274,15 @@ class Sweep:
             except (OSError, TimeoutError) as error:
                 if not self._reached or clock() - last > AWAY_S:
                     raise SweepError(
-                        f"no scheduler answers at {target}: see its address"
+                        f"no scheduler answers at {target}: check the address"
                     ) from error
             if left := self._missing(ordered):
-                self._report(f"the scheduler is away: {len(left)} results are asked for again")
+                self._report(f"the scheduler is unreachable: {len(left)} runs are submitted again")
                 await asyncio.sleep(self._again_s)
         self._results.arrange([job.run for job in ordered])
 
     async def _round(self, target: Any, jobs: Sequence[Job]) -> AsyncGenerator[RunRecord]:
-        """Submit `jobs`, and yield runs until all are complete or the scheduler is lost."""
+        """Submit `jobs`, and yield the runs until all are complete or the scheduler is lost."""
         tasks = [
             RemoteRun.of(job, self._fingerprints[job.model], keep_log=self._keep_logs)
             for job in jobs
@@ -300,7 +309,7 @@ class Sweep:
         return [job for job in jobs if job.run not in done]
 
     def _kept(self, made: MadeRun, stem: str) -> RunRecord:
-        """Store a completed run; the log is first, because the record refers to it."""
+        """Store and return a completed run; its log is written first, as the record names it."""
         if made.log is not None:
             (self._results.folder / LOGS / f"{stem}.jsonl").write_bytes(made.log)
         self._results.add(made.record)
@@ -309,13 +318,13 @@ class Sweep:
 
 def _failed(error: BaseException) -> BaseException:
     if isinstance(error, KilledWorker):
-        return SweepError(f"one run ended every worker that made it: {error}")
+        return SweepError(f"a run crashed every worker that made it: {error}")
     return error
 
 
 @asynccontextmanager
 async def cluster(workers: Workers) -> AsyncGenerator[Any]:
-    """Yield the target for a client; local worker processes end on exit."""
+    """Yield the target to which a client connects; on exit, local worker processes are ended."""
     if workers.scheduler:
         yield workers.scheduler
         return

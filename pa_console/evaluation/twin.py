@@ -20,7 +20,7 @@ from pa_console.sim.checkpoint import Checkpoint
 
 @dataclass
 class Resimulation:
-    """The comparison of a re-simulation with the record; `first_event` counts from 1."""
+    """The comparison of a re-simulation with the log; `first_event` counts events from 1."""
 
     pictures: int = 0
     different: int = 0
@@ -33,17 +33,17 @@ class Resimulation:
 
     @property
     def equal(self) -> bool:
-        """True if all recorded pictures and rehearsals are equal, and there is a picture."""
+        """True if there is a picture, and all pictures and rehearsals equal the recorded ones."""
         return self.pictures > 0 and not self.different and not self.different_rehearsals
 
-    def differs(self, number: int, what: str) -> None:
-        """Record the difference `what` in event `number`, if it is the first difference."""
+    def differs(self, number: int, difference: str) -> None:
+        """Record the difference in event `number`, if it is the first difference."""
         if self.first_event is None:
-            self.first_event, self.first_difference = number, what
+            self.first_event, self.first_difference = number, difference
 
 
 def telemetry_bytes(picture: Picture) -> bytes:
-    """Return the bytes of a picture for the hash of a sequence of pictures."""
+    """Return a picture as bytes for the hash of a sequence of pictures."""
     return picture.model_dump_json().encode()
 
 
@@ -52,9 +52,9 @@ def resimulate(
 ) -> Resimulation:
     """Simulate a session again with the recorded inputs, and compare all pictures and rehearsals.
 
-    The inputs are the seed in the session's first event, the operator's incidents and the commands,
-    each at its tick. A scenario adds its own incidents. Every plan is rehearsed again from the same
-    tick. Raises ValueError if the first event is not the start of a session.
+    The inputs are the seed in the session's first event, and the operator's incidents and the
+    commands at their ticks. A scenario adds its own incidents. Every plan is rehearsed again from
+    the same tick. Raises ValueError if the first event is not the start of a session.
     """
     twin = Resimulation()
     recorded, repeated = hashlib.sha256(), hashlib.sha256()
@@ -107,9 +107,9 @@ def resimulate(
 
 
 class _Rehearsing:
-    """The proposed plans, and copies of the simulation at the ticks where a rehearsal may start.
+    """The proposed plans, and copies of the simulation at the ticks when a rehearsal may start.
 
-    A rehearsal takes some time, in which a real-time session continues. Therefore, its event is
+    A real-time session continues during a rehearsal. Therefore, the event of the rehearsal is
     emitted a few ticks after its start.
     """
 
@@ -119,7 +119,7 @@ class _Rehearsing:
         self._waiting = False
 
     def keep(self, sim: Checkpoint) -> None:
-        """Keep a copy of `sim` at the end of a tick, while a rehearsal may start."""
+        """Keep a copy of `sim` at the end of a tick if a rehearsal may start."""
         if self._waiting:
             self._kept.append(sim.fork())
 
@@ -140,9 +140,10 @@ class _Rehearsing:
     def repeat(
         self, mission: str | None, attempt: int, recorded: Rehearsal, sim: Checkpoint
     ) -> Rehearsal | None:
-        """Rehearse a plan again from each kept state with the tick of the `recorded` rehearsal.
+        """Rehearse a plan again from each kept state at the tick of the `recorded` rehearsal.
 
-        Returns the rehearsal that is equal, else the last one; None if no such state was kept.
+        Returns the rehearsal that equals `recorded`, or else the last one; None if no state was
+        kept for that tick.
         """
         plan, again = self._plans.get((mission, attempt)), None
         for begun in (*self._kept, sim):
@@ -166,7 +167,7 @@ def _done(work: Coroutine[Any, Any, Rehearsal]) -> Rehearsal:
 
 
 def _difference(recorded: BaseModel, repeated: BaseModel) -> str:
-    """Return the first field in which two values differ, with the names in it that differ."""
+    """Return the first field in which two values differ, with the parts of it that differ."""
     for field in type(recorded).model_fields:
         left, right = getattr(recorded, field), getattr(repeated, field)
         if left == right:

@@ -1,1 +1,1 @@
-"""The local LLM: catalogue, worker process, constrained decoding, planner and judge."""
+"""The models: catalogue, local worker process, constrained decoding, servers, planner and judge."""

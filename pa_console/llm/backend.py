@@ -1,8 +1,8 @@
 """The backend of a model: prompts, answers, errors, and the protocol between caller and model.
 
 A remote model is named `SCHEME:...`. The scheme `openai` is a server with the OpenAI interface. A
-package adds a scheme by an entry point in the group `pa_console.backends`: a function that takes
-the whole name and BackendOptions and returns a Backend, or raises ModelError.
+package can add a scheme with an entry point in the group `pa_console.backends`. The entry point is
+a function that takes the whole name and BackendOptions. It returns a Backend or raises ModelError.
 """
 
 import math
@@ -76,43 +76,47 @@ class Request:
     max_tokens: int
     deadline_s: float
     count: int = 1
-    """The number of answers. If it is more than one, alternatives to the most likely answer are
-    written and returned as `texts`."""
+    """The number of answers. If it is more than one, the model writes this number of alternatives
+    to the most likely answer, which are returned as `texts`."""
     hint: str = ""
-    """Text that the answer may repeat; it only speeds up the answer."""
+    """Text that the answer may repeat; a hint changes only the time that the answer takes."""
     begun: str = ""
-    """The beginning of the answer, if `grammar` continues the last answer to this prompt: its
-    evaluated tokens are reused. Several answers all begin with it, as the last answer did."""
+    """The beginning of the answer, if `grammar` continues the last answer to this prompt. In this
+    case, the evaluated tokens of the last answer are reused. If several answers are requested, all
+    of them begin with this text."""
     within: str = ""
-    """The part of the most likely answer within which several answers must diverge from it; ''
-    lets them diverge anywhere."""
+    """The beginning of the most likely answer within which its alternatives must diverge from it;
+    '' lets them diverge anywhere."""
     stop: str = ""
-    """A regular expression; each of several answers ends at its first match."""
+    """A regular expression. If several answers are requested, each ends at its first match."""
     schema: dict[str, Any] | None = None
     """The JSON schema of the answer for a model on a server, instead of `grammar`."""
     yields: bool = False
-    """True if no caller waits: any other prompt interrupts it, and it ends as `cancelled`. The
-    evaluated part of the prompt is kept for the next request."""
+    """True if no caller waits for the answer. Any prompt that a caller waits for interrupts this
+    one, which then ends as `cancelled`. The evaluated part of the prompt is kept for the next
+    request."""
 
 
 @dataclass(frozen=True)
 class GenerationEnd:
-    """The end of a generation: the whole text, its cost, and the reason for its end."""
+    """The end of a generation: the whole text, its cost, and the reason why it ended."""
 
     text: str
     usage: Usage
     finish: Finish
     texts: tuple[str, ...] = ()
     chances: tuple[Chance, ...] = ()
-    """The probability of each token that the model chose; none for several answers."""
+    """The probability of each token that the model chose; empty if several answers were requested.
+    """
 
 
 def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None:
     """Return the probability, 0 to 1, of the first occurrence of `words` in the answer `text`.
 
-    Tokens that the grammar forced are certain. The result is None without probabilities or without
-    the words. Models misread orders far more often if this is low (page Results of the manual), so
-    the operator is warned; a high probability may still be wrong.
+    Tokens that the grammar forced count as certain. The result is None if there are no
+    probabilities, or if the words do not occur. Models misread orders far more often if this value
+    is low (page Results of the manual), so the operator is warned. If it is high, the words may
+    still be wrong.
     """
     begin = text.find(words)
     if not chances or not words or begin < 0:
@@ -122,7 +126,7 @@ def confidence(chances: Sequence[Chance], text: str, words: str) -> float | None
 
 
 class Answerer(Protocol):
-    """A model, as planner and judge use it."""
+    """A model that planner and judge can ask."""
 
     @property
     def name(self) -> str:
@@ -142,11 +146,11 @@ class Backend(Answerer, Protocol):
 
     @property
     def usable(self) -> bool:
-        """False while another model must answer."""
+        """False while another model must answer instead of this one."""
         ...
 
     async def start(self) -> None:
-        """Begin the preparation and return at once."""
+        """Begin to prepare the model, and return at once."""
         ...
 
     async def close(self) -> None:
@@ -156,18 +160,18 @@ class Backend(Answerer, Protocol):
 
 @dataclass(frozen=True)
 class BackendOptions:
-    """The use of a backend in a session, and the operator's permissions."""
+    """The use of a backend in a session, with the operator's permission and the time limit."""
 
     use: ServerUse
     plain: bool = False
-    """True if words may cross the network in clear text."""
+    """True if prompts and answers may cross the network in clear text."""
     patience_s: float = 20.0
-    """Seconds to wait for an answer before the local model takes over."""
+    """The time to wait for an answer before the local model takes over, in seconds."""
 
 
 @cache
 def backend_schemes() -> dict[str, EntryPoint]:
-    """Return the entry point of each scheme; no package can replace the built-in ones."""
+    """Return the entry points by scheme; a package cannot replace a built-in scheme."""
     return {point.name: point for point in (*entry_points(group=GROUP), OWN)}
 
 
@@ -178,9 +182,9 @@ def names_backend(name: str | None) -> bool:
 
 
 def open_backend(name: str, options: BackendOptions) -> Backend:
-    """Return the backend of the model `name`, without sending anything yet.
+    """Return the backend of the model `name`; nothing is sent yet.
 
-    Raises ModelError for a name that its scheme does not accept, or for a broken package.
+    Raises ModelError if the scheme does not accept the name, or if its package cannot be loaded.
     """
     point = backend_schemes()[name.partition(":")[0]]
     try:
@@ -205,11 +209,11 @@ class ModelAnswer:
 async def ask_model(
     model: Answerer, request: Request, on_text: OnText | None = None
 ) -> ModelAnswer:
-    """Return the whole answer and pass its pieces to `on_text`; EngineError becomes its `error`.
+    """Return the whole answer, and pass its pieces to `on_text`.
 
-    The text in the request's `begun` is not passed on. If the model's process dies, it is restarted
-    and the prompt repeated once; pieces already passed on are skipped, as greedy decoding repeats
-    them.
+    An EngineError is returned as the answer's `error`. The text in the request's `begun` is not
+    passed on. If the model's process dies, it is restarted and the prompt is repeated once. Greedy
+    decoding repeats the pieces that were already passed on, so they are skipped.
     """
     passed_on, again = len(request.begun), False
     while True:

@@ -1,8 +1,9 @@
 """Answers requested from models before a mission needs them; each is used once.
 
-While an order is typed, its draft asks through `ahead`, and every answer is kept. A mission asks
-through `due`: a kept answer to exactly the same request is used at once, and any other request goes
-to the model. Decoding is greedy, so the answer is the same either way; only the wait differs.
+While an order is typed, its draft asks models through `ahead`, and every answer is kept. A mission
+asks through `due`. If there is a kept answer to exactly the same request, it is used at once;
+otherwise the request goes to the model. Decoding is greedy, so both answers would be the same; only
+the wait differs.
 """
 
 import asyncio
@@ -21,17 +22,17 @@ _Key = tuple[Answerer, Request]
 
 
 class EarlyAnswers:
-    """The finished and unfinished answers kept for one session."""
+    """The finished and unfinished answers that are kept for one session."""
 
     def __init__(self) -> None:
         self._kept: dict[_Key, _EarlyAnswer] = {}
 
     def ahead(self, model: Answerer) -> Answerer:
-        """Return `model` for a draft: its answers are kept, and any other prompt interrupts it."""
+        """Return `model` for a draft: answers are kept, and more urgent prompts interrupt them."""
         return _Ahead(model, self)
 
     def due(self, model: Answerer) -> Answerer:
-        """Return `model` for a mission: a kept or unfinished answer is used if there is one."""
+        """Return `model` for a mission: if an answer is kept, finished or not, it is used."""
         return _Due(model, self)
 
     def stop(self) -> None:
@@ -40,7 +41,7 @@ class EarlyAnswers:
             early.stop()
 
     def begin(self, model: Answerer, request: Request) -> "_EarlyAnswer":
-        """Return the answer to `request`; if it is not kept, the model begins to write it."""
+        """Return the kept answer to `request`; if there is none, the model begins to write one."""
         key = _key(model, request)
         if key not in self._kept:
             pieces = model.generate(replace(request, yields=True))
@@ -59,10 +60,10 @@ class EarlyAnswers:
 
 
 def _key(model: Answerer, request: Request) -> _Key:
-    """Return everything that an answer depends on.
+    """Return all that an answer depends on.
 
-    The schema is left out because the grammar has the same content. `yields` is left out because it
-    does not change the answer.
+    The schema is left out because it has the same content as the grammar. `yields` is left out
+    because it does not change the answer.
     """
     return model, replace(request, schema=None, yields=False)
 
@@ -73,7 +74,7 @@ class _EarlyAnswer:
     def __init__(
         self, pieces: AsyncGenerator[str | GenerationEnd], forget: "Callable[[_EarlyAnswer], None]"
     ) -> None:
-        """Begin to write `pieces`; call `forget` if they do not become a complete answer."""
+        """Begin to collect `pieces`; `forget` is called if they do not become a complete answer."""
         self.began_s = perf_counter()
         self._items: list[str | GenerationEnd] = []
         self._grown = asyncio.Event()
@@ -82,11 +83,11 @@ class _EarlyAnswer:
         self._writing = asyncio.create_task(self._write(pieces), name="early answer")
 
     def stop(self) -> None:
-        """Stop writing; a complete answer is kept."""
+        """Stop writing; an answer that is already complete is kept."""
         self._writing.cancel()
 
     async def follow(self) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield all pieces, present and future, then a GenerationEnd unless writing is stopped."""
+        """Yield the pieces so far and all later ones, then a GenerationEnd if writing completes."""
         at = 0
         while True:
             grown = self._grown
@@ -119,7 +120,7 @@ class _EarlyAnswer:
 
 
 class _WithAnswers:
-    """A model with the answers that are kept for one session."""
+    """A model, together with the answers that are kept for one session."""
 
     def __init__(self, model: Answerer, answers: EarlyAnswers) -> None:
         self._model, self._answers = model, answers
@@ -147,7 +148,7 @@ class _Due(_WithAnswers):
     """A model for a mission."""
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Yield the kept answer, with the seconds spent on it so far; otherwise ask the model."""
+        """Yield the kept answer, with the time spent on it before now; otherwise ask the model."""
         passed_on = 0
         early = self._answers.take(self._model, request)
         if early is not None:

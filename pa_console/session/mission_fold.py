@@ -95,7 +95,7 @@ def _apply_planning(trace: MissionTrace, data: ev.EventPayload) -> None:
             attempt = trace.attempt(number)
             if attempt.made_s is None:
                 attempt.made_s = rehearsal.before.time_s
-            attempt.stored_rehearsal, attempt.rehearsal_s = rehearsal, seconds
+            attempt.rehearsal, attempt.rehearsal_s = rehearsal, seconds
         case ev.PlanChecked(attempt=number, findings=findings, seconds=seconds):
             attempt = trace.attempt(number)
             attempt.findings, attempt.checks_s = findings, seconds

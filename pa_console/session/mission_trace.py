@@ -88,6 +88,10 @@ class Attempt:
         stored = self.stored_rehearsal
         return _unpacked(stored) if isinstance(stored, bytes) else stored
 
+    @rehearsal.setter
+    def rehearsal(self, rehearsal: Rehearsal) -> None:
+        self.stored_rehearsal = rehearsal
+
     def pack(self) -> None:
         """Reduce the memory of a finished mission: compress the rehearsal, share equal findings."""
         if isinstance(self.stored_rehearsal, Rehearsal):

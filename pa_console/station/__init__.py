@@ -1,1 +1,1 @@
-"""The loop around missions: queue, clock, alarms, answers, and joined consoles."""
+"""The station: its mission queue, clock, alarms and answers, and joined consoles."""

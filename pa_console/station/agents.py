@@ -23,14 +23,14 @@ from pa_console.station.intake import IS_STOPPED, ReadText
 from pa_console.station.worker import MissionWorker, StationParts
 
 MOST_A_MINUTE = 6
-"""The most proposals that one agent may make in a minute."""
+"""The largest number of proposals that one agent may make in a minute."""
 MOST_OF_ONE, MOST_OF_ALL = 3, 8
-"""The most open proposals of one agent, and of all agents together."""
+"""The largest numbers of open proposals of one agent, and of all agents together."""
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
 class AgentDesk:
-    """An admission check for proposals: muted agents, rate, and number of open proposals."""
+    """An admission check for proposals, which limits their rate and number, and muted agents."""
 
     def __init__(self, muted: Collection[str] = (), clock: Callable[[], float] = monotonic) -> None:
         self.muted = set(muted)
@@ -38,14 +38,14 @@ class AgentDesk:
         self._recent: defaultdict[str, deque[float]] = defaultdict(deque)
 
     def admit(self, agent: str, open_missions: Collection[Mission]) -> None:
-        """Count one proposal of `agent`; raises ValueError if it may not make one now.
+        """Admit one proposal of `agent`; raises ValueError if the agent may not make one now.
 
         `open_missions` are the waiting and active missions of the station.
         """
         if _NAME.fullmatch(agent) is None:
-            raise ValueError(f"{agent!r} is no name: letters, digits, - and _, at most 64")
+            raise ValueError(f"{agent!r} is not a name: use at most 64 letters, digits, - and _")
         if agent in self.muted:
-            raise ValueError(f"the operator has muted {agent}: it may read, and it may stop")
+            raise ValueError(f"the operator has muted {agent}: it may only read and stop")
         proposals = [mission.agent for mission in open_missions if mission.source == "agent"]
         if proposals.count(agent) >= MOST_OF_ONE:
             raise ValueError(f"{MOST_OF_ONE} proposals of {agent} are open; wait, or withdraw one")
@@ -63,14 +63,14 @@ class AgentDesk:
 
 
 def require_plain(*texts: str) -> None:
-    """Raise ValueError if a text has invisible characters or ones that change the text direction.
+    """Raise ValueError if a text has invisible characters, or characters that change its direction.
 
     Line breaks and tabs are allowed.
     """
     for text in texts:
         for sign in text:
             if category(sign).startswith("C") and sign not in "\n\r\t":
-                raise ValueError(f"send plain text: U+{ord(sign):04X} does not show")
+                raise ValueError(f"send plain text: U+{ord(sign):04X} is not visible")
 
 
 def proposed_plan(agent: str, plan: Plan) -> Plan:
@@ -90,7 +90,7 @@ class AgentProposals:
         require_writable: Callable[[], None],
         muted: Collection[str] = (),
     ) -> None:
-        """Read texts with `read`, as the station does; agents in `muted` may not propose."""
+        """Read texts with `read`, which the station uses too; agents in `muted` may not propose."""
         self._intake, self._emit, self._worker = parts.intake, parts.emit, worker
         self._services, self._read, self._require_writable = services, read, require_writable
         self._desk = AgentDesk(muted)
@@ -110,9 +110,9 @@ class AgentProposals:
         if order.question is not None:
             raise ValueError(IS_QUESTION)
         if read_change(order.text, services.standing.orders) is not None:
-            raise ValueError("an agent changes no standing orders")
+            raise ValueError("an agent cannot change standing orders")
         if read_manual(services.scene, order.text, services.gate.manual.taken) is not None:
-            raise ValueError("an agent takes no manual control, and gives no asset back")
+            raise ValueError("an agent cannot take or end manual control")
         active = self._worker.active
         worked_on = (active.mission,) if active is not None else ()
         self._desk.admit(agent, (*worked_on, *self._intake.queue.missions))
@@ -130,19 +130,19 @@ class AgentProposals:
         active = self._worker.active
         if active is not None and active.mission.id == mission_id:
             if active.mission.agent != agent:
-                raise ValueError(f"{mission_id} is no proposal of {agent}")
+                raise ValueError(f"{mission_id} is not a proposal of {agent}")
             if active.moving:
-                raise ValueError(f"{mission_id} is approved and under way; stop ends everything")
+                raise ValueError(f"{mission_id} is approved and under way; only a stop ends it")
             self._worker.cancel(reason)
             return
         waiting = {mission.id: mission for mission in self._intake.queue.missions}
         if mission_id not in waiting or waiting[mission_id].agent != agent:
-            raise ValueError(f"no proposal {mission_id} of {agent} waits")
+            raise ValueError(f"{agent} has no waiting proposal {mission_id}")
         self._worker.drop(self._intake.queue.remove(mission_id), reason)
         self._worker.queue_changed()
 
     def mute(self, agent: str, *, muted: bool = True, by: str = "operator") -> None:
-        """Mute an agent or, with `muted=False`, let it propose again.
+        """Mute an agent; if `muted` is False, let it propose again.
 
         Muting cancels the agent's undecided proposals. Raises ValueError if nothing would change.
         """
@@ -162,7 +162,7 @@ class AgentProposals:
         self._worker.queue_changed()
 
     def unclear(self, text: str) -> Unclear | None:
-        """Return the unclear part of an agent's text and its answers; None if the text is clear."""
+        """Return the unclear part of an agent's text with possible answers; None if it is clear."""
         scene = replace(self._services().scene, past=(), pointer="")
         resolution = resolve(scene, self._read(text).text, {})
         return resolution if isinstance(resolution, Unclear) else None

@@ -49,7 +49,10 @@ WORLD_FILE = "world.yaml"
 
 @dataclass(frozen=True)
 class Site:
-    """A world and the rules in force there, with their files; rules without a file have no path."""
+    """A world and the rules in force there, with the paths of their files.
+
+    `rules_path` is None if the rules are not from a file.
+    """
 
     world: World
     world_path: Path
@@ -58,7 +61,7 @@ class Site:
 
     @property
     def world_sha256(self) -> str:
-        """SHA-256 of the world file."""
+        """The SHA-256 of the world file."""
         return hashlib.sha256(read_bytes(self.world_path)).hexdigest()
 
     @cached_property
@@ -83,10 +86,10 @@ def open_rules(
 ) -> tuple[Rulebook, Path]:
     """Load rules by installed name or path; return them with the path of their file.
 
-    Raises DocumentError if they cannot be read. Rules that were altered after signing raise
-    AlteredRulesError, unless `unsigned`. With `pins`, rules weaker than the earlier ones raise
-    RefusedRulesError, unless the operator chose to `accept` them. The core rules are always in
-    force. A check may take `deadline_s` at most.
+    The core rules are added. A check may take at most `deadline_s` seconds. Raises DocumentError if
+    the rules cannot be read, AlteredRulesError if they were altered after signing and `unsigned` is
+    False, and, with `pins`, RefusedRulesError if they are weaker than the earlier rules and the
+    operator did not choose to `accept` them.
     """
     path = existing_data("rules", name, "rules.yaml")
     rulebook = load_rules(path, deadline_s)
@@ -107,7 +110,7 @@ def load_site(
     accept: bool = False,
     deadline_s: float = DEADLINE_S,
 ) -> Site:
-    """Load a world and rules by installed name or path, like `open_world` and `open_rules`."""
+    """Load a world and rules by installed name or path; see `open_world` and `open_rules`."""
     loaded, world_path = open_world(world)
     rulebook, rules_path = open_rules(
         rules, unsigned=unsigned, pins=pins, accept=accept, deadline_s=deadline_s
@@ -116,7 +119,7 @@ def load_site(
 
 
 def new_session_id() -> str:
-    """Return a session id that sorts by time."""
+    """Return a new session id; ids sort by time."""
     return f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{secrets.token_hex(2)}"
 
 
@@ -141,14 +144,16 @@ def open_station(
     """Return a station on `site` whose planner and judge are two roles on `engine`.
 
     The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-    missions automatically. Without a `fleet`, the station has a simulated one of its own, which
-    begins with `seed` and `scenario`. An evaluation may pass a `variant` of the pipeline. With
-    `watch`, a changed rule file is loaded. Without `read_unasked`, the model reads ahead only while
-    an operator types. A `resumed` session continues with its own fleet, seed and scenario. With an
-    `authority`, approvals and commands are signed: simulated vehicles verify the signatures, and a
-    `fleet` of the caller gets its tokens from the authority. Models on `servers` are asked before
-    the engine's model, which takes over if they do not answer. Raises ValueError for a `scenario`
-    in a fleet that is not simulated.
+    missions automatically. Without a `fleet`, the station has its own simulated fleet, which begins
+    with `seed` and `scenario`. An evaluation may pass a `variant` of the pipeline. With `watch`,
+    the rule file is loaded again when it changes. Without `read_unasked`, the model reads ahead
+    only while an operator types. A `resumed` session continues with its own fleet, seed and
+    scenario.
+
+    With an `authority`, approvals and commands are signed. The station's simulated vehicles then
+    verify the signatures; a `fleet` from the caller gets its tokens from the authority. Models on
+    `servers` are asked before the engine's model, which takes over if they do not answer. Raises
+    ValueError if a `scenario` is given for a fleet that is not simulated.
     """
     now = time.time
     if resumed is not None:
@@ -238,7 +243,7 @@ def _use_keys(fleet: SimulatedFleet, authority: "StationAuthority") -> Callable[
 
 
 def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
-    """Return whether `book` has exactly the rules of a session, by file hash or by content hash."""
+    """Return whether `book` has exactly the rules of a session: an equal file or content hash."""
     content = started.rules_seal.content_sha256 if started.rules_seal is not None else None
     return book.sha256 == started.rules_sha256 or book.seal.content_sha256 == content
 
@@ -246,8 +251,8 @@ def has_rules_of(started: SessionStarted, book: Rulebook) -> bool:
 class SessionSites:
     """The worlds and rules of recorded sessions, found by their hashes.
 
-    Given files, installed ones and the worlds beside a log are searched. In the folder of an
-    evaluation, which holds `logs` and `worlds`, the worlds of its logs are found.
+    Given files, installed files and worlds near a log are searched. The folder of an evaluation has
+    `logs` and `worlds`, so the worlds of its logs are found.
     """
 
     def __init__(self, worlds: Iterable[str] = (), rules: Iterable[str] = ()) -> None:
@@ -262,22 +267,23 @@ class SessionSites:
         self._books: dict[Path, Rulebook] = {}
 
     def world_of(self, started: SessionStarted, log: Path) -> World:
-        """Return the world of a session; raises ValueError if no file found has its hash.
+        """Return the world of a session.
 
-        Raises DocumentError if the file can no longer be loaded.
+        Raises ValueError if no file with its hash is found, and DocumentError if the file can no
+        longer be loaded.
         """
         if started.world_sha256 not in self._worlds:
             path = self.world_file(started, log)
             if path is None:
                 raise ValueError(
-                    f"the world {started.world!r} of this session is not here as it was then "
+                    f"no file has the world {started.world!r} as it was in this session "
                     f"(SHA-256 {started.world_sha256[:12]}); give its file with --world"
                 )
             self._worlds[started.world_sha256] = open_world(str(path))[0]
         return self._worlds[started.world_sha256]
 
     def world_file(self, started: SessionStarted, log: Path) -> Path | None:
-        """Return the file of a session's world; None if no file found has its hash."""
+        """Return the file of a session's world; None if no file with its hash is found."""
         files = self._files(started, log)
         return next((path for path in files if self._hash(path) == started.world_sha256), None)
 

@@ -1,8 +1,8 @@
 """Camera stills of tracks for the operator.
 
-While a plan waits that concerns a track in view of a camera, a still is taken every RETAKE_S
-seconds. Stills are for the operator only: the planner, the rules, the rehearsal and the judge do
-not read them, and no plan waits for them.
+While a plan waits, and a track that it concerns is in view of a camera, a still is taken every
+RETAKE_S seconds. Stills are only for the operator: the planner, the rules, the rehearsal and the
+judge do not use them, and no plan waits for them.
 """
 
 import asyncio
@@ -21,13 +21,13 @@ from pa_console.schema.telemetry import Picture, Track
 from pa_console.session.stills import keep_still
 
 RETAKE_S, MOST_TAKEN = 10.0, 12
-"""The seconds between two stills for one plan, and the most stills that are taken for it."""
+"""The seconds between two stills for one plan, and the largest number of stills for one plan."""
 FRESH_S = 3.0
 """The age up to which an existing still is shown instead of a new one, in seconds."""
 
 
 def _ends(payload: ev.EventPayload) -> bool:
-    """Return whether an event of a mission ends the wait of its plan."""
+    """Return whether a mission's plan no longer waits after this event."""
     if isinstance(payload, ev.DecisionMade):
         return payload.accepted
     return isinstance(payload, ev.PlanVoided | ev.MissionPreempted | ev.MissionFinished)
@@ -36,8 +36,8 @@ def _ends(payload: ev.EventPayload) -> bool:
 def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture) -> list[Track]:
     """Return the tracks that a plan concerns, the nearest to its gate first.
 
-    These are the track of the mission, otherwise the tracks named in its texts, otherwise the
-    tracks at its gates.
+    These are the track of the mission, or else the tracks named in the texts of mission and plan,
+    or else the tracks at their gates.
     """
     if mission.subject in picture.tracks:
         return [picture.tracks[mission.subject]]
@@ -52,8 +52,8 @@ def tracks_of(request: ev.ApprovalRequested, mission: Mission, picture: Picture)
 def camera_of(fleet: Fleet, picture: Picture, track: Track) -> str | None:
     """Return the nearest camera that has `track` in view; None if there is none.
 
-    A camera counts if it has a snapshot address and covers or detects the track. If the fleet
-    renders stills, a working camera that detects the track counts as well.
+    A camera has the track in view if it has a snapshot address and covers or detects the track. If
+    the fleet renders stills, so does every working camera that detects the track.
     """
     cameras, drawn = fleet.world.cameras, isinstance(fleet, Filmed)
 
@@ -70,7 +70,7 @@ def camera_of(fleet: Fleet, picture: Picture, track: Track) -> str | None:
 
 
 class CameraStills:
-    """The stills of one session, kept beside its log."""
+    """The stills of one session, which are stored beside its log."""
 
     def __init__(self, fleet: Fleet, log: Path, emit: Callable[..., None]) -> None:
         """Pass each still to `emit`, with the id of its mission if it has one."""
@@ -117,7 +117,7 @@ class CameraStills:
         return await self._take(track, None)
 
     async def _take(self, track: str, mission: str | None) -> ev.CameraStill | None:
-        """Take, keep and emit a still; if that fails, the emitted still has the problem instead."""
+        """Take, store and emit a still; if this fails, emit a still that has only the problem."""
         picture = self._fleet.picture()
         seen = picture.tracks.get(track)
         camera = camera_of(self._fleet, picture, seen) if seen is not None else None
@@ -142,7 +142,7 @@ class CameraStills:
         return still
 
     async def _image(self, camera: str, track: str) -> bytes:
-        """Return an image from the camera; only this task waits for it."""
+        """Return an image from the camera, without blocking other tasks."""
         spec = self._fleet.world.cameras[camera]
         if spec.image_topic:
             if not isinstance(self._fleet, RelaysImages):
@@ -157,11 +157,11 @@ class CameraStills:
 
 
 def _problem(error: Exception) -> str:
-    """Return the reason why there is no image."""
+    """Return the reason why there is no still."""
     match error:
         case SnapshotError():
             return str(error)
         case OSError():
-            return f"its still cannot be kept: {error.strerror or type(error).__name__}"
+            return f"its still cannot be stored: {error.strerror or type(error).__name__}"
         case _:
             return f"its still cannot be made: {type(error).__name__}"

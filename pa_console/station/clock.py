@@ -17,36 +17,36 @@ from pa_console.station.worker import MissionWorker, StationParts
 MAX_STEPS_AT_ONCE = 20
 IDLE_S = 0.005
 LATE_S = 2.0
-"""The delay from which a mission counts as late, in seconds."""
-OVER = "its last moment has passed"
+"""The delay from which a timed mission counts as late, in seconds."""
+OVER = "its last scheduled time has passed"
 FAULT_AGAIN_S = 10.0
-"""The interval at which a recurring internal error is reported, in seconds."""
+"""The interval after which a recurring internal error is reported again, in seconds."""
 
 
 class Clock(Protocol):
-    """A clock that determines how many steps to take now."""
+    """A clock that determines how many simulation steps are due."""
 
     waits: bool
-    """True if the world stands still while the model is asked."""
+    """True if the world stands still while a model is asked."""
 
     @property
     def rate(self) -> float:
-        """Seconds on the fleet's clock per second."""
+        """Seconds on the fleet's clock per second of real time."""
         ...
 
     @rate.setter
     def rate(self, rate: float) -> None: ...
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
-        """Wait until steps are due and return their number.
+        """Wait until steps are due, and return their number.
 
-        `waiting` returns True if something needs a step.
+        `waiting` returns True if another part of the station waits for a step.
         """
         ...
 
 
 class RealTimeClock:
-    """A clock with `rate` simulated seconds per second, which does not catch up after a delay."""
+    """A clock with `rate` simulated seconds per second; it does not catch up after a long delay."""
 
     waits = False
 
@@ -67,7 +67,7 @@ class RealTimeClock:
 
 
 class DevicesClock:
-    """The real time of devices; its rate cannot be changed."""
+    """A clock for the real time of devices, whose rate cannot be changed."""
 
     waits = False
 
@@ -76,12 +76,12 @@ class DevicesClock:
 
     @property
     def rate(self) -> float:
-        """Seconds on the devices' clock per second."""
+        """Seconds on the devices' clock per second of real time."""
         return self._clock.rate
 
     @rate.setter
     def rate(self, rate: float) -> None:
-        """Ignore the new rate."""
+        """Ignore `rate`, because real devices have a fixed rate."""
 
     async def due(self, dt_s: float, waiting: Callable[[], bool]) -> int:
         """Sleep for about one step and return the number of steps due."""
@@ -89,7 +89,7 @@ class DevicesClock:
 
 
 class SteppedClock:
-    """A clock that steps as fast as possible while a follower waits, and otherwise not at all."""
+    """A clock that steps as fast as possible while a follower waits for a step, and else stops."""
 
     rate = 1.0
     waits = True
@@ -103,7 +103,7 @@ class SteppedClock:
 
 
 class Ticking:
-    """The loop that steps one fleet and emits everything that happens in it."""
+    """The loop that steps the fleet and emits its events."""
 
     def __init__(
         self,
@@ -126,7 +126,7 @@ class Ticking:
         self._services.sightings.look(self.first)
 
     async def run(self) -> None:
-        """Step the world at the clock's pace, and process telemetry at its own period.
+        """Step the world when the clock says so, and process telemetry once in each period.
 
         A stepped clock stands still while a mission is being planned or waits for a decision.
         """
@@ -155,7 +155,7 @@ class Ticking:
 
     @contextmanager
     def _kept_going(self) -> Generator[None]:
-        """Report an error and continue, because an ended session cannot stop any asset."""
+        """Report an error and continue, because after its end a session cannot stop assets."""
         try:
             yield
         except Exception as error:
@@ -164,11 +164,11 @@ class Ticking:
             if fault == self._fault[0] and now_s - self._fault[1] < FAULT_AGAIN_S:
                 return
             self._fault = fault, now_s
-            text = f"the picture may be out of date, STOP works: internal error: {fault}"[:500]
+            text = f"the picture may be out of date; STOP works: internal error: {fault}"[:500]
             self._emit(ev.Noticed(level="alarm", subject="station", text=text), None)
 
     def happened(self, event: ev.IncidentHappened | ev.Noticed) -> None:
-        """Emit an event of the fleet; a `worker` incident also ends the model's process."""
+        """Emit an event of the fleet; a `worker` incident also kills the model's process."""
         self._emit(event, None)
         if isinstance(event, ev.IncidentHappened) and event.incident.kind == "worker":
             self._services.engine.kill_worker()
@@ -178,12 +178,12 @@ class Ticking:
         return (self._feed.wanted or self._emergency_stop.waiting) and not self._worker.thinking
 
     def look(self) -> None:
-        """Process the present picture; an error is reported, and the session continues."""
+        """Process the current picture; an error is reported, and the session continues."""
         with self._kept_going():
             self._look()
 
     def _look(self) -> None:
-        """Process new telemetry: emit it, raise alarms, queue their missions."""
+        """Process new telemetry: emit it, raise alarms, and queue missions for alarms."""
         picture = self._fleet.picture()
         self._see_manual(picture)
         for notice in self._noticer.look(picture):
@@ -205,7 +205,11 @@ class Ticking:
         self._worker.see(picture)
 
     def _see_manual(self, picture: Picture) -> None:
-        """Record the assets under manual control; an operator's changes are already emitted."""
+        """Record which assets are under manual control.
+
+        The changes produce no notices here, because an operator's change is emitted when it is
+        made.
+        """
         gate = self._services.gate
         gate.see(picture)
         taken = frozenset(gate.manual.taken)
@@ -214,7 +218,10 @@ class Ticking:
         self._taken = taken
 
     def _start_standing(self, picture: Picture, *, stopped: bool) -> None:
-        """Queue the missions that standing orders start now; emit withheld and ended orders."""
+        """Queue the missions that standing orders start now.
+
+        If an order cannot start its mission or has ended, this is emitted.
+        """
         standing = self._services.standing
         standing.time.take(picture.time_s, self._clock.rate, stepped=self._clock.waits)
         busy = self._worker.handled | self._intake.subjects

@@ -20,10 +20,11 @@ from pa_console.station.worker import EmitFor, MissionWorker, StationParts
 class ManualAssets:
     """The assets under manual control.
 
-    Taking an asset requires neither approval nor a log, because it only withholds commands. The
-    next picture halts a running plan that needs the asset; the mission is planned again with the
-    other assets, and the new plan requires approval. Giving an asset back sends nothing: the
-    missions that awaited it are queued again.
+    Taking manual control of an asset requires neither approval nor a log, because the only effect
+    is that no commands are sent to the asset. The next picture halts a running plan that needs it.
+    The mission is then planned again with the other assets, and the new plan requires approval.
+    When the asset is given back, no command is sent, and the missions that awaited it are queued
+    again.
     """
 
     def __init__(
@@ -33,7 +34,7 @@ class ManualAssets:
         look: Callable[[], None],
         queue_changed: Callable[[], None],
     ) -> None:
-        """Process the picture with `look`, and let the next mission begin with `queue_changed`."""
+        """Call `look` to process the picture, and `queue_changed` after missions are queued."""
         self._gate: CommandGate = parts.services.gate
         self._intake: Intake = parts.intake
         self._emit: EmitFor = parts.emit
@@ -48,10 +49,11 @@ class ManualAssets:
         self._look()
 
     def end(self, asset: str, by: str = "operator") -> None:
-        """Return `asset` from manual control.
+        """End the manual control of `asset`.
 
-        Raises ValueError if it is not taken, or if the change cannot be logged. Missions that
-        awaited the asset are queued again; during a stop, only after the release.
+        Missions that awaited the asset are queued again; during a stop, only after the release.
+        Raises ValueError if the asset is not under manual control, or if the change cannot be
+        logged.
         """
         self._require_writable()
         self._gate.end_manual(asset)
@@ -59,9 +61,9 @@ class ManualAssets:
         self._look()
 
     def change(self, words: ManualWords, by: str = "operator") -> str:
-        """Carry out an operator's words and return the change.
+        """Carry out the change that an operator's words ask for, and return it in words.
 
-        Either all named assets change or none. Raises ValueError as `take` and `end` do.
+        Either all named assets change or none of them. Raises ValueError as `take` and `end` do.
         """
         manual = self._gate.manual
         for asset in words.assets:
@@ -75,13 +77,13 @@ class ManualAssets:
     def take_up(
         self, taken: Iterable[tuple[str, str]], awaiting: Iterable[tuple[Mission, Collection[str]]]
     ) -> None:
-        """Restore manual control from an earlier session, with the missions that await assets."""
+        """Restore manual control and the missions that await assets from an earlier session."""
         for asset, by in taken:
             self._gate.take_manual(asset, by)
         self._gate.manual.take_up(awaiting)
 
     def queue_returned(self) -> None:
-        """Queue the missions whose assets are all back, unless the stop is in force."""
+        """Queue the missions whose assets have all been given back, unless the stop is in force."""
         if self._gate.stopped:
             return
         for back in self._gate.manual.come_back():
@@ -95,7 +97,7 @@ class ManualAssets:
 class StandingControl:
     """The control of standing orders: revoke, pause, resume, or skip the next scheduled time.
 
-    An order in steps that is under way changes with the standing order that started it.
+    If a standing order started the order in steps that is under way, both change together.
     """
 
     def __init__(
@@ -106,7 +108,7 @@ class StandingControl:
         self._worker, self._require_writable = worker, require_writable
 
     def read(self, text: str) -> OrderChange | Unclear | None:
-        """Return the change that a text makes to the orders in force; None if it makes none."""
+        """Return the change of orders in force that a text asks for; None if it asks for none."""
         return read_change(text, (*self._standing.orders, *self._under_way()))
 
     def _under_way(self) -> tuple[OrderUnderWay, ...]:
@@ -118,7 +120,7 @@ class StandingControl:
         return (OrderUnderWay(mission.id, mission.said, "steps patrol", mission.text),)
 
     def carry_out(self, change: OrderChange) -> str:
-        """Carry out a change by an operator and return it in words.
+        """Carry out an operator's change, and return it in words.
 
         Raises ValueError as `change` does.
         """
@@ -134,8 +136,8 @@ class StandingControl:
     def change(self, order_id: str, change: Change, by: str = "operator") -> None:
         """Revoke, pause or resume a standing order, or skip its next scheduled time.
 
-        Revoking removes the order's waiting missions from the queue; one that has begun continues.
-        Raises ValueError if the order is not in force or nothing would change.
+        If an order is revoked, its waiting missions are removed from the queue; a mission that has
+        begun continues. Raises ValueError if the order is not in force or nothing would change.
         """
         self._require_writable()
         match change:
@@ -160,8 +162,8 @@ class StandingControl:
     def mission_ended(self, mission: str, payload: ev.MissionFinished) -> None:
         """Record the end of a mission for the standing order that started it.
 
-        Nobody watches a timed mission, so a notice is emitted at alarm level if it was not carried
-        out.
+        If a timed mission was not carried out, a notice is emitted at alarm level, because there
+        may have been no operator at the screen.
         """
         ended = self._standing.ended(
             mission,

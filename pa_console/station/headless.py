@@ -1,4 +1,4 @@
-"""Missions without a screen: one station, one mission after another, a given approver."""
+"""Missions without a screen: a station that runs one mission after another, with an approver."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
@@ -13,7 +13,7 @@ from pa_console.station.station import ControlStation
 Approver = Callable[[ev.ApprovalRequested], Decision | Awaitable[Decision]]
 """A function that decides on one plan at a time, as an operator does (paper, Step 6).
 
-The session continues while it decides.
+The session continues while the function decides.
 """
 Sink = Callable[[ev.Event, SessionState], None]
 SETUP_SETTLE_S = 2.0
@@ -39,15 +39,15 @@ async def run_missions(  # noqa: PLR0917
     read_ahead: bool = False,
     decided: Callable[[], bool] = lambda: False,
 ) -> list[MissionTrace]:
-    """Apply the set-up, run `texts` in order and return the trace of every mission.
+    """Apply the set-up, run `texts` in order, and return the trace of every mission.
 
     A text that is a question about the record is answered without a mission. The session lasts
     until all missions are over, including those from alarms, and at least `duration_s` simulated
-    seconds. It ends earlier if `decided` returns True after the missions. `sink` receives every
-    event and the state after it, in order. After a stop, the remaining `texts` are not submitted,
-    even if the stop is released. With `read_ahead`, the model reads the picture and all but the
-    last word of a mission before it is submitted, as it does while an operator types. Raises
-    ValueError for a set-up or a mission that the station does not accept.
+    seconds. It ends earlier if all missions are over and `decided` returns True. `sink` receives
+    every event and the state after it, in order. After a stop, the remaining `texts` are not
+    submitted, even if the stop is released. With `read_ahead`, the model reads the picture and all
+    but the last word of a mission before the mission is submitted, as it does while an operator
+    types. Raises ValueError if the station does not accept the set-up or a mission.
     """
     state = SessionState()
     waiting, all_given = list(texts), asyncio.Event()
@@ -57,7 +57,7 @@ async def run_missions(  # noqa: PLR0917
     begun = False
 
     async def submit() -> str | None:
-        """Submit the next mission and return its id; None if there is none."""
+        """Submit the next mission, and return its id; None if no mission is left."""
         while waiting and (question := station.question_in(waiting[0])) is not None:
             waiting.pop(0)
             await station.answer(question)
@@ -111,7 +111,7 @@ class _Answers:
         self._given: Decision | None = None
 
     async def decide(self, request: ev.ApprovalRequested) -> None:
-        """Pass on the approver's decision on `request`, unless no plan waits any more."""
+        """Pass the approver's decision on `request` to the station, if a plan still waits."""
         self._request = request
         if self._station.awaits_decision:
             self._give(await self._decision(request))
@@ -119,7 +119,8 @@ class _Answers:
     async def decide_again(self, problem: str) -> None:
         """Decide again, because the last decision was not accepted.
 
-        The same decision would be refused forever, so the plan is rejected instead.
+        If the approver repeats the decision, the plan is rejected, because the station would refuse
+        the same decision again and again.
         """
         if self._request is None or not self._station.awaits_decision:
             return
@@ -136,7 +137,7 @@ class _Answers:
         return decision.model_copy(update={"request_id": request.request_id})
 
     def _give(self, decision: Decision) -> None:
-        """Pass on a decision, unless the plan has stopped waiting in the meantime."""
+        """Pass a decision to the station, unless the plan has stopped waiting meanwhile."""
         if self._station.awaits_decision:
             self._given = decision
             self._station.decide(decision)
@@ -148,7 +149,10 @@ async def _end(
     all_given: asyncio.Event,
     decided: Callable[[], bool],
 ) -> None:
-    """Close the session after the last mission and `duration_s`, or once `decided` returns True."""
+    """Close the session after the last mission, and not before `duration_s` has passed.
+
+    If `decided` returns True, it is closed directly after the last mission.
+    """
     if duration_s > 0.0:
         over = asyncio.create_task(_missions_over(station, all_given))
         try:
@@ -170,7 +174,7 @@ async def _watched(
     over: asyncio.Task[None],
     decided: Callable[[], bool],
 ) -> None:
-    """Wait until `duration_s` has passed, or the missions are `over` and `decided` returns True."""
+    """Wait until `duration_s` has passed, or `over` is done and `decided` returns True."""
     watching = asyncio.create_task(station.advance(duration_s))
     try:
         await asyncio.wait((over, watching), return_when=asyncio.FIRST_COMPLETED)

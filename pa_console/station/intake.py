@@ -26,17 +26,19 @@ from pa_console.station.alarms.alarm_book import MOST_ALIKE, AlarmBook
 from pa_console.station.mission_queue import MissionQueue
 
 LEAST_LETTERS = 3
-"""The fewest letters of an order; a shorter text is a key that was meant for a panel."""
-IS_STOPPED = "everything is stopped: no mission is taken until the stop is released"
+"""The least number of letters in an order; a shorter word is a key that was meant for a panel."""
+IS_STOPPED = "everything is stopped: no mission is accepted until the stop is released"
 MOST_FROM_ALARMS = 32
-"""The most missions from alarms that wait at a time: hours of work for one operator. The other
-alarms get their missions once there is room, the most urgent first. At most MOST_ALIKE of the
-missions are about contacts of the same sensors, so that a sensor with false reports leaves room for
-the others."""
+"""The largest number of missions from alarms that wait at a time.
+
+They are hours of work for one operator. Further alarms get their missions when there is room, the
+most urgent first. At most MOST_ALIKE of the missions are about contacts of the same sensors, so
+that a sensor with false reports leaves room for other sensors.
+"""
 
 
 class ReadText(NamedTuple):
-    """An operator's text, as it was read: a mission, or a question about the record."""
+    """An operator's text as it was read: a mission, or a question about the record."""
 
     typed: str
     """The words as typed."""
@@ -46,7 +48,7 @@ class ReadText(NamedTuple):
 
 
 def read_text(text: str, scene: ReferenceScene, rulebook: Rulebook) -> ReadText:
-    """Read a text and correct its misspellings, in a question as in a mission."""
+    """Read a text, which is a question or a mission, and correct its misspellings."""
     typed, shown = " ".join(text.split()), " ".join(compatible_form(text).split())
     if not shown or len(typed) > MAX_MISSION_TEXT:
         return ReadText(typed, shown)
@@ -57,7 +59,7 @@ def read_text(text: str, scene: ReferenceScene, rulebook: Rulebook) -> ReadText:
 
 @dataclass
 class Arrivals:
-    """The outcome of a new picture: events to emit, and queued missions whose cause is gone."""
+    """The results of a new picture: events to emit, and queued missions whose cause is gone."""
 
     payloads: list[tuple[ev.EventPayload, str | None]] = field(
         default_factory=list[tuple[ev.EventPayload, str | None]]
@@ -72,21 +74,21 @@ class Intake:
     """
 
     def __init__(self, world: World, session: str, *, respond: bool) -> None:
-        """Begin without alarms; with `respond`, alarms become missions."""
+        """Begin without alarms; if `respond`, alarms become missions."""
         self.alarms, self.queue = AlarmBook(world), MissionQueue()
         self._session, self._respond = session, respond
         self._count = 0
         self._emitted: tuple[tuple[str, str, bool], ...] = ()
         self._postponed: set[str] = set()
-        """Open alarms that get a mission once there is room."""
+        """The ids of open alarms that get a mission when there is room."""
 
     def look(
         self, picture: Picture, handled: Collection[str], *, stopped: bool = False
     ) -> Arrivals:
         """Process a new picture: raise and clear alarms, and queue and drop their missions.
 
-        An alarm about a subject in `handled` needs no mission, because the active one deals with
-        it. While everything is `stopped`, no alarm becomes a mission.
+        An alarm about a subject in `handled` needs no mission, because the active mission deals
+        with it. While everything is `stopped`, no alarm becomes a mission.
         """
         arrivals = Arrivals()
         for payload in self.alarms.look(picture):
@@ -107,13 +109,13 @@ class Intake:
         return arrivals
 
     def resume(self, handled: Collection[str]) -> list[tuple[ev.EventPayload, str]]:
-        """Queue a mission for every open alarm that no mission answers, once a stop is released."""
+        """Queue a mission for every open alarm without a mission, after a stop was released."""
         return self._answers(self.alarms.open, handled)
 
     def take_up(
         self, alarms: AlarmBook, entries: Sequence[QueueEntry], count: int, again: Collection[str]
     ) -> list[tuple[ev.EventPayload, str]]:
-        """Continue with the alarms of a session, the waiting missions, and `count` missions so far.
+        """Continue a session that has `alarms`, waiting `entries`, and `count` missions so far.
 
         The open alarms whose ids are in `again` become missions again. Returns the events to emit.
         """
@@ -135,23 +137,22 @@ class Intake:
         waits: bool = True,
         offered: bool = False,
     ) -> tuple[Mission, ev.MissionReceived]:
-        """Queue an operator's mission, or a proposal by `agent`, with its plan if it has one.
+        """Queue an operator's mission, or a proposal of `agent` with its plan, if any.
 
-        Without `waits`, it is already carried out; an `offered` mission was not typed.
-
-        Raises ValueError if it is not accepted.
+        If `waits` is False, the mission was already carried out and is not queued. If `offered`,
+        it was not typed by the operator. Raises ValueError if the mission is not accepted.
         """
         words = order.typed
         if not order.text:
-            raise ValueError("the mission is empty: say what is to be done")
+            raise ValueError("the mission is empty: enter an order")
         letters = words.strip(" .,!?")
         if letters.isalpha() and len(letters) < LEAST_LETTERS and not agent:
             raise ValueError(
-                f"“{words}” is no order, and was not sent: a plan is decided on in its panel"
+                f"“{words}” is not an order and was not sent: decide on a plan in its panel"
             )
         if len(words) > MAX_MISSION_TEXT:
             raise ValueError(
-                f"the mission has {len(words)} characters, at most {MAX_MISSION_TEXT} are taken"
+                f"the mission has {len(words)} characters, but the limit is {MAX_MISSION_TEXT}"
             )
         right = order.text[:MAX_MISSION_TEXT]
         typed = words if right != words else ""
@@ -173,7 +174,7 @@ class Intake:
         )
 
     def wait_again(self, mission: Mission) -> tuple[Mission, ev.MissionReceived]:
-        """Queue a mission of another session again as one of this session, with the same words."""
+        """Queue another session's mission as a new mission of this session with the same text."""
         changes = {"id": self._new_id(), "created": datetime.now(UTC)}
         again = mission.model_copy(update=changes)
         self.queue.add(again, None)
@@ -195,12 +196,12 @@ class Intake:
 
     @property
     def subjects(self) -> frozenset[str]:
-        """The assets, tracks and gates that the waiting missions are about."""
+        """The subjects of the waiting missions, which are assets, tracks and gates."""
         waiting = (mission.subject for mission in self.queue.missions)
         return frozenset(subject for subject in waiting if subject is not None)
 
     def put_back(self, mission: Mission) -> bool:
-        """Queue a mission again that had to give way; return False if its alarm was cleared."""
+        """Queue a mission again that gave way to another; return False if its alarm was cleared."""
         alarm = self.alarm_of(mission)
         if mission.alarm and alarm is None:
             return False
@@ -208,11 +209,11 @@ class Intake:
         return True
 
     def emergency(self, active: Mission, *, moving: bool = True) -> QueueEntry | None:
-        """Return the waiting mission that goes before `active`, if one does (WF-04)."""
+        """Return the waiting mission that goes before `active` (WF-04); None if there is none."""
         return self.queue.preempts(active, self.alarm_of(active), moving=moving)
 
     def alarm_of(self, mission: Mission) -> Alarm | None:
-        """Return the open alarm that `mission` answers."""
+        """Return the open alarm that `mission` answers; None if there is none."""
         return next((a for a in self.alarms.open if a.id == mission.alarm), None)
 
     def move(self, mission_id: str, by: int) -> None:
@@ -221,7 +222,7 @@ class Intake:
             self.queue.move(mission_id, "up" if by < 0 else "down")
 
     def changes(self) -> Iterable[ev.QueueChanged]:
-        """Yield the queue if its order, a priority or a deferral has changed since last called."""
+        """Yield the queue if its order, a priority or a deferral changed since the last call."""
         entries = self.queue.entries
         order = tuple((entry.mission.id, entry.priority, entry.deferred) for entry in entries)
         if order != self._emitted:
@@ -231,7 +232,7 @@ class Intake:
     def _answers(
         self, alarms: Iterable[Alarm], handled: Collection[str]
     ) -> list[tuple[ev.EventPayload, str]]:
-        """Queue a mission for each alarm that asks for one and has none; return the events.
+        """Queue a mission for each alarm that has a command but no mission; return the events.
 
         An alarm is postponed if there is no room for its mission.
         """

@@ -1,15 +1,16 @@
-"""Reading ahead of a mission: known parts of its prompt, and the order while it is typed.
+"""Work for a mission before it is submitted: reading ahead of prompts, and drafts while typing.
 
-The model reads ahead the fixed parts of prompts and the present picture. While a mission is typed,
-it also reads the words so far and the rules that concern them. The second reader is started by the
-first typed words and reads them after the planner and the judge. While a plan is carried out whose
-workflow continues, the picture that its rehearsal predicts is read for the next plan.
+The model reads ahead the fixed parts of prompts and the current picture. While a mission is typed,
+it also reads the words so far and the rules that concern them. The second reader is started when
+the first words are typed, and reads them after the planner and the judge. If a plan is carried out
+and its workflow continues, the picture at the end of the plan's rehearsal is read for the next
+plan.
 
-During a pause in typing, a draft of the mission goes through the same steps as a submitted one, up
-to its approval. Its events are kept here and logged nowhere, no command passes its gate, and no
-other front end or station sees it. The answers of the models are kept (`llm.early_answers`). When
-the same order is submitted, its mission repeats every step, and a model with the same prompt
-returns the answer that it has already given.
+During a pause in typing, a draft of the mission goes through the same steps as a submitted mission,
+up to its approval. The events of the draft are not logged, it sends no commands, and no other front
+end or station receives it. The answers of the models are kept (`llm.early_answers`). When the same
+order is submitted, its mission repeats every step, but the kept answer is used for each equal
+prompt.
 """
 
 import asyncio
@@ -44,42 +45,41 @@ from pa_console.station.intake import ReadText
 from pa_console.views.waiting import reading_line
 
 PAUSE_S = 0.3
-"""The time without a key after which an order is read, in seconds."""
+"""The time without a key press after which an order is read, in seconds."""
 
 ENDS = (".", "!", "?")
-"""The characters that end an order, which is then read without a pause."""
+"""The characters that end an order; after one of them, the order is read without a pause."""
 
 LEAST_WORDS = 3
-"""The fewest words that are read; a shorter text is hardly an order yet."""
+"""The least number of words that are read, because a shorter text is hardly an order yet."""
 
 DRAFT = "draft"
-"""The id of a mission that has not been submitted."""
+"""The id of a mission that is a draft."""
 
 _MEASURED = re.compile(r"\b\d+ [ms]\b")
 
 ShowReading = Callable[[str, str], None]
-"""A function that shows a text and the line about its reading; two empty texts withdraw the
-line."""
+"""A function that gets a text and its live reading to show; two empty strings remove it."""
 ROLES: tuple[Role, ...] = ("planner", "judge", "outcome")
 TYPING_ROLES: tuple[Role, ...] = ("planner", "judge")
 
 
 class _Situation(NamedTuple):
-    """Everything besides its words that the reading of an order depends on."""
+    """All that the reading of an order depends on, except its words."""
 
     rulebook: Rulebook
     digest: Digest
-    """The picture in prompts, without metres and seconds, because they change constantly."""
+    """The picture as prompts have it, but without metres and seconds, which change constantly."""
     past: int
     pointer: str
 
 
 class _DraftReadError(Exception):
-    """The end of a draft, at the point where a mission would wait for its operator."""
+    """Raised to end a draft at the point where a mission would wait for its operator."""
 
 
 class LiveReading:
-    """The reading of the order that is being typed; submitted work goes first."""
+    """The live reading of the order that is being typed; submitted work goes first."""
 
     def __init__(
         self,
@@ -95,19 +95,19 @@ class LiveReading:
         self._show: ShowReading | None = None
         self._text = ""
         self._read_in: _Situation | None = None
-        """The situation in which the text was read, or is being read."""
+        """The situation in which the text was or is being read."""
         self._shown = False
         self._timer: asyncio.TimerHandle | None = None
         self._draft: asyncio.Task[None] | None = None
         self._idle_s: float | None = None
 
     def show_in(self, show: ShowReading | None) -> None:
-        """Pass readings to `show` from now on; None stops reading."""
+        """Pass live readings to `show` from now on; None stops live reading."""
         self._stop()
         self._show = show
 
     def typing(self, text: str) -> None:
-        """Record the text in the prompt; the reading of an earlier text is withdrawn."""
+        """Record the text in the input field; the reading of an earlier text is removed."""
         words = " ".join(text.split())
         if words != self._text:
             self._stop()
@@ -115,12 +115,12 @@ class LiveReading:
             self._wait()
 
     def see(self, payload: ev.EventPayload) -> None:
-        """Stop for an event that needs the models; read again if the situation has changed."""
+        """Stop if an event needs the models; read again if the situation has changed."""
         if not self._text:
             return
         match payload:
             case ev.MissionReceived(mission=mission) if mission.said == self._text:
-                # Keep the answers that the models are writing: the mission asks for them next.
+                # Keep the answers that the models are writing, because the mission needs them next.
                 self._stop(answers=False)
                 self._text = ""
             case ev.MissionReceived() | ev.AllStopped() | ev.RulesReplaced() | ev.CommandTaken():
@@ -142,7 +142,7 @@ class LiveReading:
         self._show = None
 
     def _stop(self, *, answers: bool = True) -> None:
-        """Withdraw the reading and end the draft; with `answers`, also end the models' answers."""
+        """Remove the reading and end the draft; if `answers`, also stop the models' answers."""
         if self._timer is not None:
             self._timer.cancel()
         if self._draft is not None:
@@ -155,7 +155,7 @@ class LiveReading:
         self._shown = False
 
     def _wait(self) -> None:
-        """Read the text unless another key comes soon; read a complete sentence at once."""
+        """Read the text after a pause in typing; read a complete sentence at once."""
         if self._show is None or len(self._text.split()) < LEAST_WORDS:
             return
         slow = self._services().engine.state == "slow"
@@ -165,7 +165,7 @@ class LiveReading:
         self._timer = asyncio.get_running_loop().call_later(pause_s, self._begin)
 
     def _begin(self) -> None:
-        """Begin a draft if models and cores are free; otherwise a later picture tries again."""
+        """Begin a draft if models and cores are free; if not, it is tried at a later picture."""
         self._timer = None
         services = self._services()
         if self._free() and not services.servers.by_use and self._has_cores(services.engine):
@@ -173,7 +173,7 @@ class LiveReading:
             self._draft = asyncio.create_task(self._read(self._text), name="live reading")
 
     def _has_cores(self, engine: SessionEngine) -> bool:
-        """Return whether the models have their own cores, or a core was idle during the pause."""
+        """Return whether the models are not slow, or a core was idle during the pause in typing."""
         if engine.state != "slow":
             return True
         idle_s = idle_seconds()
@@ -192,14 +192,14 @@ class LiveReading:
         """Plan `text` like a mission and show its reading."""
         try:
             line = await self.line(text)
-        except Exception:  # a defect is reported once the order is sent
+        except Exception:  # a defect is reported when the order is submitted
             line = ""
         if line and self._show is not None:
             self._shown = True
             self._show(text, line)
 
     async def line(self, text: str) -> str:
-        """Return the line on how `text` is read and planned now; '' if it is not a mission."""
+        """Return the live reading of `text`, with the plan; '' if it is not a mission."""
         order = self._read_text(text)
         return await self._line(order) if order is not None else ""
 
@@ -229,7 +229,7 @@ async def _not_decided() -> Decision:
 
 
 def _no_verdicts() -> OutcomeVerdicts:
-    """Return outcome verdicts for a mission that is never carried out."""
+    """Return outcome verdicts for a draft, which is never carried out."""
 
     def start(_: object) -> NoReturn:
         raise _DraftReadError
@@ -238,29 +238,30 @@ def _no_verdicts() -> OutcomeVerdicts:
 
 
 class ReadAhead:
-    """The reading of the beginnings of coming prompts; a real prompt interrupts it."""
+    """The reading ahead of prompts, which a prompt that a caller waits for interrupts."""
 
     def __init__(self, services: Services, *, unasked: bool = True) -> None:
-        """Read ahead for `services`; with `unasked`, also while no order is typed.
+        """Read ahead for `services`; if `unasked`, also while no order is typed.
 
-        This happens when a session begins, between missions, and while a plan is carried out.
+        These times are the start of a session, the time between missions, and the execution of a
+        plan.
         """
         self._services, self._unasked = services, unasked
         self._read: dict[tuple[SessionEngine, Role], tuple[Digest | None, str]] = {}
         self._typed = ""
         self._rehearsals: dict[int, Rehearsal] = {}
-        """The rehearsal of each plan of the mission, by the number of the attempt."""
+        """The rehearsals of the mission's plans, by the number of the attempt."""
         self._foreseen: Picture | None = None
         self._wanted = asyncio.Event()
         self._turn = asyncio.Lock()
 
     def use(self, services: Services) -> None:
-        """Use `services` from now on, and read everything again."""
+        """Use `services` from now on; all prompts must then be read again."""
         self._services = services
         self._read.clear()
 
     async def load(self) -> None:
-        """Load model, dictionary and patterns; with `unasked`, read the beginnings of prompts."""
+        """Load model, dictionary and patterns; if `unasked`, read the beginnings of prompts."""
         async with self._turn:
             with suppress(EngineError):  # the engine's state and the next prompt report it
                 await self._services.engine.start()
@@ -277,8 +278,8 @@ class ReadAhead:
     def see(self, payload: ev.EventPayload) -> None:
         """Let the model read the picture that is expected for a mission's next plan.
 
-        A next plan is expected after a plan is approved that ends with a contact identified but not
-        yet warned. Its picture is the one at the end of the rehearsal.
+        A next plan is expected if an approved plan leaves a contact identified but not warned. The
+        expected picture is the one at the end of the rehearsal.
         """
         match payload:
             case ev.MissionStarted():
@@ -296,7 +297,7 @@ class ReadAhead:
                 pass
 
     async def serve(self) -> None:
-        """Read the typed text or the expected picture whenever it changes, until cancelled."""
+        """Read the typed text or the expected picture at each change, until cancelled."""
         while True:
             await self._wanted.wait()
             self._wanted.clear()
@@ -309,9 +310,9 @@ class ReadAhead:
                         await self._warm(self._services.engine, role, picture=foreseen)
 
     async def read_now(self, text: str = "") -> None:
-        """Read the present picture and all of `text` but its last word, which may be incomplete.
+        """Read the current picture and all of `text` but its last word, which may be incomplete.
 
-        A mission that then begins with this text finds it already read.
+        For a mission that begins with this text, this part of the prompt is then already read.
         """
         async with self._turn:
             services = self._services
@@ -328,10 +329,10 @@ class ReadAhead:
     async def _warm(
         self, engine: SessionEngine, role: Role, words: str = "", picture: Picture | None = None
     ) -> None:
-        """Let `engine` read the beginning of a prompt for `role`, unless it has read it already.
+        """Let `engine` read the beginning of a prompt for `role`, unless it was already read.
 
-        `picture` is by default the present one. In a large world, the part of the picture in the
-        prompt depends on the mission, so no picture is read.
+        `picture` is by default the current one. In a large world, no picture is read, because it
+        depends on the mission which part of the picture is in the prompt.
         """
         services = self._services
         fleet = services.fleet

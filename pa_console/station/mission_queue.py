@@ -1,6 +1,6 @@
 """The queue of waiting missions, ordered by priority (WF-04, WF-05).
 
-At equal priority, an operator's mission goes before a mission of an alarm.
+At equal priority, a mission from an operator goes before a mission from an alarm.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,17 +13,17 @@ from pa_console.schema.base import ALARM_PRIORITIES, AlarmPriority
 from pa_console.schema.mission import Alarm, Mission, QueueEntry
 
 MOST_REMEMBERED = 1024
-"""The most missions whose order of arrival is remembered in case they return, the latest ones."""
+"""The number of latest missions whose order of arrival is kept, in case they return."""
 
 OPERATOR_PRIORITY: AlarmPriority = "high"
-"""The rank of an operator's mission, which precedes alarms of the same priority."""
+"""The priority of an operator's mission, which goes before alarms of the same priority."""
 AGENT_PRIORITY: AlarmPriority = "low"
-"""The rank of an agent's proposal, which follows every mission of an operator or an alarm."""
+"""The priority of an agent's proposal, which goes after all missions of operators and alarms."""
 
 
 @dataclass
 class _Waiting:
-    """A waiting mission; `arrival` is its number from the first time that it was queued."""
+    """A waiting mission; `arrival` is the number that it got when it was first queued."""
 
     mission: Mission
     alarm: Alarm | None
@@ -43,7 +43,11 @@ class _Waiting:
 
     @property
     def rank(self) -> tuple[bool, bool, int, bool, float, int]:
-        """The sort key: deferred, offered or an agent's, threat, an alarm's, distance, arrival."""
+        """The sort key.
+
+        It compares, in this order: deferred missions, missions from agents or offers, priority,
+        missions not from an operator, distance, arrival.
+        """
         distance = self.distance_m if self.distance_m is not None else inf
         own = self.mission.source != "operator"
         threat = ALARM_PRIORITIES.index(self.priority)
@@ -52,17 +56,17 @@ class _Waiting:
 
 
 class MissionQueue:
-    """Waiting missions by id, in a total order that depends only on additions and moves."""
+    """The waiting missions, in a total order that depends only on additions and moves."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, _Waiting] = {}
         self._before: set[tuple[str, str]] = set()
-        """Pairs (a, b) of missions: the operator has put a before b."""
+        """The pairs (a, b) of missions of which the operator has put a before b."""
         self._arrivals: dict[str, int] = {}
         self._arrived = 0
 
     def add(self, mission: Mission, alarm: Alarm | None = None) -> None:
-        """Queue a mission; one that returns gets its former place among equals.
+        """Queue a mission; if it was queued before, it gets its earlier place among equal missions.
 
         Raises ValueError if it already waits.
         """
@@ -76,7 +80,7 @@ class MissionQueue:
         self._waiting[mission.id] = _Waiting(mission, alarm, self._arrivals[mission.id])
 
     def resume(self, entries: Sequence[QueueEntry], alarms: Mapping[str, Alarm]) -> None:
-        """Queue the missions of `entries` as they waited, with the open `alarms` by their ids."""
+        """Queue the missions of `entries` in the same order; `alarms` has the open alarms by id."""
         for entry in sorted(entries, key=lambda entry: entry.mission.created):
             self.add(entry.mission, alarms.get(entry.mission.alarm))
             self._waiting[entry.mission.id].deferred = entry.deferred
@@ -85,7 +89,7 @@ class MissionQueue:
             self._before = set(combinations(wanted, 2))
 
     def pop_next(self) -> Mission | None:
-        """Remove and return the next mission; None if none waits."""
+        """Remove and return the next mission; None if no mission waits."""
         order = self._order()
         return self.remove(order[0].mission.id) if order else None
 
@@ -97,22 +101,25 @@ class MissionQueue:
         return mission
 
     def take(self, which: Callable[[Mission], bool] = lambda _: True) -> tuple[Mission, ...]:
-        """Remove and return the missions that `which` selects, by default all, the next first."""
+        """Remove and return the missions for which `which` is True, by default all, in order."""
         missions = [entry.mission for entry in self._order() if which(entry.mission)]
         return tuple(self.remove(mission.id) for mission in missions)
 
     def defer(self, mission_id: str, deferred: bool = True) -> None:
-        """Put a mission behind all others, or end that; raises ValueError if it does not wait."""
+        """Put a mission behind all others; if `deferred` is False, put it back.
+
+        Raises ValueError if the mission does not wait.
+        """
         entry = self._find(mission_id)
         entry.deferred, entry.moved = deferred, False
         self._release(mission_id)
 
     def move(self, mission_id: str, to: Literal["up", "down"]) -> None:
-        """Move a mission one place; at the end of the queue it stays where it is.
+        """Move a mission one place; at either end of the queue, it stays where it is.
 
-        It keeps its place among the waiting missions; later ones are placed before or after it by
-        rank. A deferred mission is no longer deferred. Raises ValueError if the mission does not
-        wait.
+        The mission keeps its place relative to the missions that wait now; missions that arrive
+        later are placed by rank. A deferred mission is no longer deferred. Raises ValueError if the
+        mission does not wait.
         """
         entry = self._find(mission_id)
         ids = [other.mission.id for other in self._order()]
@@ -137,7 +144,7 @@ class MissionQueue:
         self._before |= {(mission_id, other) for other in others - {mission_id}}
 
     def refresh(self, alarms: Iterable[Alarm]) -> None:
-        """Update priorities and distances from the present alarms."""
+        """Update priorities and distances from the open `alarms`."""
         by_id = {alarm.id: alarm for alarm in alarms}
         for entry in self._waiting.values():
             if entry.alarm is not None:
@@ -145,16 +152,16 @@ class MissionQueue:
 
     @property
     def missions(self) -> tuple[Mission, ...]:
-        """Every waiting mission, in no particular order."""
+        """The waiting missions, in no particular order."""
         return tuple(entry.mission for entry in self._waiting.values())
 
     def position(self, mission_id: str) -> int:
-        """Return the number of missions before a waiting one."""
+        """Return the number of missions that go before a waiting mission."""
         return [entry.mission.id for entry in self._order()].index(mission_id)
 
     @property
     def entries(self) -> tuple[QueueEntry, ...]:
-        """Every waiting mission, the next first, with the reason for its place."""
+        """The waiting missions, the next one first, each with the reason for its place."""
         order = self._order()
         return tuple(
             QueueEntry(
@@ -172,9 +179,9 @@ class MissionQueue:
     ) -> QueueEntry | None:
         """Return the next entry if it must not wait for `active`.
 
-        An emergency need not wait, unless `active` is one. If `active` is an agent's proposal and
-        no asset is `moving` for it, no mission but another proposal waits for it. Every mission
-        precedes the policy that the world offers.
+        An emergency does not wait, unless `active` is an emergency too. If `active` is an agent's
+        proposal and no asset is `moving` for it, only other proposals wait for it. If `active` is
+        offered by the world, no mission waits for it.
         """
         mine = active_alarm.priority if active_alarm is not None else OPERATOR_PRIORITY
         first = next(iter(self.entries), None)
@@ -197,10 +204,10 @@ class MissionQueue:
         self._before = {pair for pair in self._before if mission_id not in pair}
 
     def _order(self) -> list[_Waiting]:
-        """Sort by rank, except where the operator has put one mission before another.
+        """Return the missions by rank, except where the operator put one mission before another.
 
-        A moved mission has a pair with every mission that waited at the time, in the resulting
-        order, so the pairs cannot form a cycle.
+        When a mission is moved, it gets a pair with every mission that waits, in the resulting
+        order. Therefore, the pairs cannot form a cycle.
         """
         rest = sorted(self._waiting.values(), key=lambda entry: entry.rank)
         order: list[_Waiting] = []
@@ -214,7 +221,7 @@ class MissionQueue:
 
 
 def _reason(entry: _Waiting, before: _Waiting | None) -> str:
-    """Return the reason why `entry` comes after `before`, or first."""
+    """Return the reason why `entry` comes after `before`, or comes first if `before` is None."""
     if entry.deferred:
         return "deferred by the operator: its turn comes when nothing else waits"
     if entry.moved:
@@ -245,7 +252,7 @@ def _comparison(entry: _Waiting, before: _Waiting) -> str:
     if entry.priority != before.priority:
         return f"waits until {other} of higher threat is over (WF-05)"
     if before.mission.source == "operator" and entry.mission.source != "operator":
-        return f"after {other}: the operator's own goes first"
+        return f"after {other}: the operator's own mission goes first"
     if (entry.distance_m if entry.distance_m is not None else inf) != (
         before.distance_m if before.distance_m is not None else inf
     ):

@@ -1,7 +1,7 @@
 """Notices for the operator's event list, derived from successive pictures.
 
-A change is shown once it has lasted; the same change of many assets at once is one line. Reports
-from outside the site's sensors are shown as well and have no other effect.
+A change is shown when it has lasted for a while. If many assets change in the same way at once, one
+line is shown. Reports from outside the site's sensors are shown too, and have no other effect.
 """
 
 import asyncio
@@ -28,10 +28,10 @@ _ADMITTED = get_args(ev.OutsideReport)
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
-    """One property of one subject now; `text` is the line for a change to this value, or empty.
+    """A property of a subject; `text` is the line for a change to this value, or '' for no line.
 
-    A value is shown after it has differed from the last shown one for `settle_s` simulated seconds.
-    `at_first` is the assumed last value of a new subject.
+    A value is shown when it has differed from the last shown value for `settle_s` simulated
+    seconds. For a new subject, `at_first` counts as the last shown value.
     """
 
     subject: str
@@ -44,7 +44,7 @@ class _Fact:
 
 
 class Noticer:
-    """The notices given so far; equal pictures give equal notices."""
+    """A source of notices, derived from pictures; equal pictures give equal notices."""
 
     def __init__(self, picture: Picture) -> None:
         """Treat everything in `picture` as already reported."""
@@ -59,7 +59,7 @@ class Noticer:
         self._values[asset, MANUAL] = manual
 
     def look(self, picture: Picture) -> list[Noticed]:
-        """Return the changes that the operator should see now."""
+        """Return the notices about changes that the operator should see now."""
         now_s = picture.time_s
         news = [fact for fact in _facts(picture) if self._is_news(fact, now_s)]
         facts = [fact for fact in news if fact.text]
@@ -81,7 +81,7 @@ class Noticer:
         return True
 
     def _gone(self, picture: Picture) -> Iterator[Noticed]:
-        """Yield the tracks that have been absent from the picture for a while, and forget them."""
+        """Yield a notice for each track that is missing for GONE_S, and forget the track."""
         self._tracks.update(dict.fromkeys(picture.tracks, picture.time_s))
         for name, seen_s in list(self._tracks.items()):
             if name not in picture.tracks and picture.time_s - seen_s >= GONE_S:
@@ -122,7 +122,7 @@ def _gate(picture: Picture, gate: str, cover: GateCover) -> _Fact:
 
 
 def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
-    """Yield an asset's condition: its status, battery, manual control, link and integrity."""
+    """Yield the facts about an asset: its status, battery, manual control, link and integrity."""
     name, status = asset.id, asset.status
     if status == "degraded" and (asset.low_battery or asset.comms != "ok"):
         status = "ok"  # the reason has its own notice
@@ -150,7 +150,7 @@ def _asset(picture: Picture, asset: AssetTelemetry) -> Iterator[_Fact]:
 
 
 def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
-    """Yield a track's presence, identity and behaviour."""
+    """Yield the facts about a track: its presence, identity and behaviour."""
     name = track.id
     words = f"{track.identity} {track.kind} {track.status}, {track.gate}, {track.distance_m:.0f} m"
     yield _Fact(name, "presence", True, None, "alarm", words)
@@ -179,7 +179,7 @@ def _track(picture: Picture, track: Track) -> Iterator[_Fact]:
 
 
 def _grouped(facts: list[_Fact]) -> Iterator[Noticed]:
-    """Yield one line for each fact, or one for many subjects with the same change."""
+    """Yield one line for each fact, or one line for many subjects with the same change."""
 
     def kind(fact: _Fact) -> tuple[str, str]:
         return fact.topic, str(fact.value)
@@ -201,20 +201,20 @@ class Outside(Protocol):
     """A source of reports."""
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return the reports since the last call; must return at once, and never many."""
+        """Return the reports since the last call; must return at once, with only a few reports."""
         ...
 
 
 async def pass_on(outside: Outside, emit: Callable[[ev.OutsideReport], None]) -> None:
-    """Emit the reports of a source until the session ends; values of other types are dropped.
+    """Emit the reports of a source until the session ends; values of other types are ignored.
 
-    If a source fails, that is reported, and the session continues without the source.
+    If the source fails, a notice is emitted, and the session continues without the source.
     """
     while True:
         try:
             reports = [report for report in outside.news() if isinstance(report, _ADMITTED)]
         except Exception as error:  # an outside report must not end the session
-            text = f"nothing more is taken from outside: {type(error).__name__}: {error}"
+            text = f"no more reports from outside are read: {type(error).__name__}: {error}"
             emit(ev.Noticed(level="warning", subject="TAK", text=text))
             return
         for report in reports:

@@ -1,4 +1,4 @@
-"""The entry of an operator's words: a mission for the queue, or a change that is made at once."""
+"""The entry of an operator's words: a mission for the queue, or a change with immediate effect."""
 
 from collections.abc import Callable
 
@@ -17,9 +17,10 @@ from pa_console.station.worker import MissionWorker, StationParts
 
 
 class OrderEntry:
-    """The operator's orders and the order of the missions that wait.
+    """The entry of the operator's orders, and the control over the waiting missions.
 
-    A text is read once, although a front end asks whether it is a question before submitting it.
+    A text is read only once, although a front end asks whether it is a question before it submits
+    it.
     """
 
     def __init__(  # noqa: PLR0917
@@ -31,14 +32,14 @@ class OrderEntry:
         standing: StandingControl,
         require_writable: Callable[[], None],
     ) -> None:
-        """Read texts with the rules in force in `services`."""
+        """Read texts with the rules in force, which `services` returns."""
         self._intake, self._emit, self._worker = parts.intake, parts.emit, worker
         self._services, self._require_writable = services, require_writable
         self._manual, self._standing = manual, standing
         self._last_read: tuple[tuple[str, ReferenceScene, Rulebook], ReadText] | None = None
 
     def read(self, text: str) -> ReadText:
-        """Return a text as it is read; the last result is reused in the same situation."""
+        """Read a text; if text and situation are the same as in the last call, reuse the result."""
         services = self._services()
         now = (text, services.scene, services.rulebook)
         if self._last_read is None or self._last_read[0] != now:
@@ -46,19 +47,19 @@ class OrderEntry:
         return self._last_read[1]
 
     def question_in(self, text: str) -> Question | None:
-        """Return the question about the record in `text`; None for an order."""
+        """Return the question about the record in `text`; None if it is an order."""
         return self.read(text).question
 
     def mission_in(self, text: str) -> ReadText | None:
-        """Return `text` as it is read; None for a question or a change that is made at once."""
+        """Return `text` as read; None for a question or a change with immediate effect."""
         order = self.read(text)
         return order if order.question is None and self._change_in(order) is None else None
 
     def submit(self, text: str) -> Mission:
         """Queue a mission (paper, Step 1); raises ValueError if it is not accepted.
 
-        A question about the record is not accepted. A change that takes effect at once is carried
-        out and recorded as a mission.
+        A question about the record is not accepted. A change with immediate effect is carried out
+        and recorded as a mission.
         """
         self._require_writable()
         order = self.read(text)
@@ -75,15 +76,15 @@ class OrderEntry:
             withdrawn = Decision(kind="reject", reason=f"corrected: “{order.typed}”")
             self._worker.decide(withdrawn)
             if correction == "takes back":
-                return self._done_at_once(order, "the plan that waited is withdrawn")
+                return self._done_at_once(order, "the waiting plan is withdrawn")
         return self._queue(order, active=self._worker.busy)
 
     def offer(self, text: str) -> None:
-        """Queue a text that was not typed, for the operator's decision."""
+        """Queue a text that the operator did not type, for the operator's decision."""
         self._queue(self.read(text), active=False, offered=True)
 
     def move(self, mission_id: str, by: int) -> None:
-        """Move a waiting mission by `by` places in the queue; ValueError if it does not wait."""
+        """Move a waiting mission by `by` places; raises ValueError if it does not wait."""
         self._reorder(lambda: self._intake.move(mission_id, by))
 
     def defer(self, mission_id: str) -> None:
@@ -117,7 +118,7 @@ class OrderEntry:
         return corrects(order.text) if active.mission.source == "operator" else ""
 
     def _change_in(self, order: ReadText) -> OrderChange | ManualWords | Unclear | None:
-        """Return the change of a standing order or of manual control in a text, or None."""
+        """Return the change of standing orders or manual control in a text; None if it has none."""
         change = self._standing.read(order.text)
         if change is not None or order.question is not None:
             return change

@@ -1,7 +1,7 @@
-"""The rule file in force, which is loaded again when it changes.
+"""The rules in force, which are loaded again when their file changes.
 
-An invalid file changes nothing. Rules weaker than the earlier ones take effect only after the
-operator accepts them.
+An invalid file changes nothing. If the new rules are weaker than the earlier ones, they take effect
+only after the operator accepts them.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from pa_console.station.worker import EmitFor, MissionWorker
 
 Stamp = tuple[tuple[int, int, int] | None, ...]
 LOOK_S = 1.0
-"""The interval between two looks at the file, in seconds of wall time."""
+"""The interval between two checks of the file for changes, in seconds of wall time."""
 MOST_NAMED = 4
 
 
@@ -41,15 +41,15 @@ class RulesWatch:
     ) -> None:
         """Watch the file at `path`, which has just been loaded.
 
-        With `unsigned`, a signed set that was altered is loaded as well. Without `pins`, a set is
-        compared with the one in force, and nothing about it is stored.
+        With `unsigned`, a signed rule set that was altered is loaded too. Without `pins`, a rule
+        set is compared only with the one in force, and its seal is not stored.
         """
         self.path = path
         self._unsigned, self._pins, self._deadline_s = unsigned, pins, deadline_s
         self._loaded = self._seen = self._stamp()
 
     def look(self) -> bool:
-        """Return whether the file differs from the loaded version and no longer changes."""
+        """Return whether the file differs from the loaded version and has stopped changing."""
         now = self._stamp()
         before, self._seen = self._seen, now
         return now == before and now != self._loaded
@@ -57,15 +57,15 @@ class RulesWatch:
     async def load(self) -> Rulebook:
         """Load the rules from the file in a thread, and return them.
 
-        Raises ValueError with file, place and problem if they cannot be in force.
+        Raises ValueError with file, place and problem if they cannot be put in force.
         """
         self._loaded = self._stamp()
         return await asyncio.to_thread(self._load)
 
     def refusal(self, old: Rulebook, new: Rulebook) -> str:
-        """Return why `new` is weaker than the earlier rules; '' if it is accepted.
+        """Return why the rules `new` are weaker than the earlier rules; '' if they are accepted.
 
-        Raises RefusedRulesError if that cannot be determined.
+        Raises RefusedRulesError if this cannot be determined.
         """
         if self._unsigned and new.seal.altered:
             return ""
@@ -74,10 +74,10 @@ class RulesWatch:
         return downgrade(pin_of(old.name, old.seal), pin_of(new.name, new.seal))
 
     def admit(self, new: Rulebook, why: str) -> Rulebook:
-        """Pin `new` and return it with the core rules, ready to be put in force.
+        """Pin the rules `new`, and return them with the core rules, ready to be put in force.
 
-        `why` is the reason why the operator had to accept it, '' if there was none. Raises
-        RefusedRulesError, and OSError if nothing can be pinned.
+        `why` is the reason why the operator had to accept them; '' if acceptance was not needed.
+        Raises RefusedRulesError if they are refused, and OSError if they cannot be pinned.
         """
         seal = new.seal.model_copy(update={"accepted": why})
         if self._pins is not None:
@@ -117,22 +117,22 @@ class RulesReload:
         worker: MissionWorker,
         ahead: ReadAhead,
     ) -> None:
-        """Reload the rules that `watch` finds changed; None leaves them as they are."""
+        """Reload the rules when `watch` reports a change; without `watch`, never reload them."""
         self._services, self._watch, self._emit = services, watch, emit
         self._worker, self._ahead = worker, ahead
         self._turn = asyncio.Lock()
         self._offered: Rulebook | None = None
         self.offered = ""
-        """The reason why the rules in the file wait for the operator's acceptance; '' if they do
-        not."""
+        """The reason why the rules in the file need the operator's acceptance; '' if they do not.
+        """
 
     @property
     def services(self) -> Services:
-        """The services of later missions."""
+        """The services for new missions."""
         return self._services
 
     async def serve(self) -> None:
-        """Load every change of the file until cancelled."""
+        """Load the rules after every change of the file, until cancelled."""
         while self._watch is not None:
             await asyncio.sleep(LOOK_S)
             if self._watch.look():
@@ -152,12 +152,12 @@ class RulesReload:
                 return
             if why:
                 self._offered, self.offered = rulebook, why
-                self._not_taken(f"{why}. In the policy browser you can accept them")
+                self._not_taken(f"{why}. You can accept them in the policy browser")
             else:
                 await self._take(rulebook, "")
 
     async def accept(self) -> None:
-        """Accept the waiting rules and put them in force; raises ValueError if none wait."""
+        """Accept the rules that wait, and put them in force; raises ValueError if no rules wait."""
         async with self._turn:
             rulebook, why = self._offered, self.offered
             if rulebook is None:
@@ -168,13 +168,13 @@ class RulesReload:
     def _not_taken(self, problem: str) -> None:
         old = self._services.rulebook
         kept = f"{old.name} {old.seal.content_sha256[:SHORT]} stays in force"
-        self._tell("alarm", f"the changed rules were not taken, {kept}: {problem}")
+        self._tell("alarm", f"the changed rules were not accepted, {kept}: {problem}")
 
     async def _take(self, rulebook: Rulebook, why: str) -> None:
-        """Put `rulebook` in force; the session continues while its rules are indexed.
+        """Put `rulebook` in force; the session continues while the rules are indexed.
 
-        `why` is the reason why the operator had to accept it, '' for a set that needs no
-        acceptance.
+        `why` is the reason why the operator had to accept the rules; '' if acceptance was not
+        needed.
         """
         old = self._services.rulebook
         before, after = old.rule_set, rulebook.rule_set
@@ -209,14 +209,14 @@ class RulesReload:
 
 
 def _changes(before: RuleSet, after: RuleSet) -> Iterator[str]:
-    """Yield the differences rule by rule, e.g. `ROE-02 changed`."""
+    """Yield the differences rule by rule, such as `ROE-02 changed`."""
     for change in compare_rules(before, after):
-        yield f"{change.id or 'the set itself'} {change.kind}"
+        yield f"{change.id or 'the rule set itself'} {change.kind}"
 
 
 def _in_words(rulebook: Rulebook, changes: tuple[str, ...], worked_on: str) -> str:
-    named = ", ".join(changes[:MOST_NAMED]) or "no rule is different"
+    named = ", ".join(changes[:MOST_NAMED]) or "no rule changed"
     more = f" and {len(changes) - MOST_NAMED} more" if len(changes) > MOST_NAMED else ""
     standing = "; ".join((rulebook.seal.words, *rulebook.seal.warnings))
-    pinned = f"; {worked_on} goes on under the set it began with" if worked_on else ""
+    pinned = f"; {worked_on} continues under its earlier rules" if worked_on else ""
     return f"now in force: {rulebook.name} {rulebook.seal.title}, {standing}: {named}{more}{pinned}"

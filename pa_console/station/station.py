@@ -1,4 +1,4 @@
-"""The control station: one fleet, one mission queue, one stream of events."""
+"""The control station, with one fleet, one mission queue and one stream of events."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
@@ -47,7 +47,7 @@ from pa_console.station.worker import Background, MissionWorker, StationParts
 
 
 class ControlStation:
-    """The owner of the fleet, the alarms and the queue; front ends use only this class."""
+    """A station with its fleet, alarms and queue; front ends use only this class."""
 
     def __init__(
         self,
@@ -65,9 +65,9 @@ class ControlStation:
         """Begin a session with the event `started`; `clock` determines when the world is stepped.
 
         The engine is closed with the session unless `keep_engine`. With `respond`, alarms become
-        missions automatically. With `watch`, a changed rule file is loaded at once. Without
+        missions automatically. With `watch`, the rule file is loaded again when it changes. Without
         `read_unasked`, the model reads ahead only while an operator types. A `resumed` session
-        continues where it ended; `services` have its fleet and its picture.
+        continues where it ended; `services` then have the fleet and the picture of that session.
         """
         self._services, self._clock, self._started = services, clock, started
         self.readonly, self._keep_engine = readonly, keep_engine
@@ -115,7 +115,7 @@ class ControlStation:
             self._writable,
             resumed.before.state.muted_agents if resumed else (),
         )
-        """The agents' proposals."""
+        """The proposals of agents."""
         self.mute_agent = self.proposals.mute
         self._ticking = Ticking(parts, clock, self._worker, self._stop_for, self.manual)
         self._closed, self._resumed = False, resumed
@@ -128,7 +128,7 @@ class ControlStation:
         self.succeed = self._start.succeed
         self._ending: asyncio.Task[None] | None = None
         self.failure = ""
-        """The internal error that ended the session; '' for none."""
+        """The internal error that ended the session; '' if there was none."""
 
     @property
     def session(self) -> str:
@@ -157,7 +157,7 @@ class ControlStation:
 
     @property
     def rate(self) -> float:
-        """Simulated seconds per second."""
+        """Seconds on the fleet's clock per second of real time."""
         return self._clock.rate
 
     @rate.setter
@@ -165,12 +165,12 @@ class ControlStation:
         self._clock.rate = rate
 
     def limit_times(self, limits: TimingLimits) -> None:
-        """Set how late a timed order may start, and how often; call this before `run`."""
+        """Set how late and how often a timed order may start; call this before `run`."""
         self._services.standing.limits = limits
 
     @property
     def stopped(self) -> bool:
-        """True while the stop is latched."""
+        """True while the stop is in force."""
         return self._gate.stopped
 
     @property
@@ -195,19 +195,23 @@ class ControlStation:
         self._stills = self._stills or CameraStills(self._fleet, log, self._emit)
 
     async def still_of(self, track: str) -> ev.CameraStill | None:
-        """Return a still of a track; None if no camera has it in view, or no stills are taken."""
+        """Return a still of a track.
+
+        The result is None if no camera has the track in view, or if this session takes no stills.
+        """
         if self._stills is None or self._closed:
             return None
         return await self._stills.take(track)
 
     def listen_to(self, outside: Outside | None) -> None:
-        """Emit the reports of `outside`, if any, in the session as well; call this before `run`."""
+        """Emit the reports of `outside`, unless it is None, in the session; call before `run`."""
         self._outside += [outside] if outside is not None else []
 
     async def run(self) -> AsyncGenerator[ev.Event]:
-        """Yield every event of the session until `close`; stopping the iteration closes it too.
+        """Yield every event of the session until `close` is called.
 
-        In either case, the log ends with the end of the session.
+        If the caller stops the iteration, the session is closed too. In both cases, the last event
+        in the log is the end of the session.
         """
         self._start.begin(self._ticking.first)
         if problem := self._gate.objection(self._services.rulebook):
@@ -241,38 +245,38 @@ class ControlStation:
                 await self._services.engine.close()
 
     def offer_at_start(self, policy: str) -> None:
-        """Offer a standing order of the world to the operator when a new session begins."""
+        """Offer the world's standing order `policy` to the operator when a new session begins."""
         self._policy = policy
 
     async def reload_rules(self) -> None:
-        """Load the rules from their file again; if that fails, emit the reason."""
+        """Load the rules from their file again; if this fails, emit the reason."""
         await self._reload.now()
 
     @property
     def rules_offered(self) -> str:
-        """The reason why the rules in their file wait for acceptance; '' if they do not."""
+        """The reason why the rules in the file need acceptance; '' if they do not."""
         return self._reload.offered
 
     async def accept_rules(self) -> None:
-        """Accept the refused rules and put them in force; raises ValueError if none wait."""
+        """Accept the refused rules, and put them in force; raises ValueError if no rules wait."""
         self._writable()
         await self._reload.accept()
 
     def typing(self, text: str) -> None:
-        """Record the text of a mission that is being typed; the model reads it meanwhile."""
+        """Record the text of a mission that is being typed, so that the model reads it ahead."""
         if text.strip():
             self._ahead.typing(text)
         self._live.typing(text)
 
     def read_live(self, show: ShowReading | None) -> None:
-        """Read the order that is being typed and pass its reading to `show`; None stops reading.
+        """Read orders while they are typed, and pass the live readings to `show`; None stops this.
 
         Nothing is logged, and no asset moves.
         """
         self._live.show_in(show)
 
     def _may_read_live(self) -> bool:
-        """Return whether a new mission would begin at once and the models are idle."""
+        """Return whether a new mission would begin at once, with the models idle."""
         taken = not (self.readonly or self.stopped or self._closed)
         return taken and self._worker.idle.is_set() and not self._worker.thinking
 
@@ -281,9 +285,10 @@ class ControlStation:
         self._services.past.pointer = name
 
     async def read_ahead(self, text: str) -> None:
-        """Wait until the model has read the present picture and all but the last word of `text`.
+        """Wait until the model has read the current picture and all but the last word of `text`.
 
-        This simulates an operator who types.
+        Programs without an operator use this, because the model reads the same parts while an
+        operator types.
         """
         await self._ahead.read_now(text)
 
@@ -292,7 +297,7 @@ class ControlStation:
     ) -> ev.QuestionAnswered:
         """Answer a question from the record of this session.
 
-        Other plans are checked and rehearsed if the question asks for them; each is passed to
+        If the question asks for other plans, they are checked and rehearsed, and each is passed to
         `show` as soon as it is ready. Nothing is decided, and no asset moves.
         """
         self._live.give_way()
@@ -302,9 +307,9 @@ class ControlStation:
         return answered.event
 
     async def examine(self, plan: Plan, text: str = "") -> Examination:
-        """Check and rehearse a plan in the present picture, without queuing or deciding anything.
+        """Check and rehearse a plan in the current picture; nothing is queued or decided.
 
-        `text` is the order that the plan should serve.
+        `text` is the order that the plan should fulfil.
         """
         task = Mission(id="examined", text=text or "Examine this plan.", created=datetime.now(UTC))
         services = self._reload.services
@@ -312,40 +317,40 @@ class ControlStation:
         return await examine(plan, task, services.fleet, services.rulebook, standing=standing)
 
     def decide(self, decision: Decision) -> None:
-        """Answer the open approval request; raises ValueError if there is none.
+        """Answer the open approval request.
 
-        Also raises ValueError for an approval that cannot be logged.
+        Raises ValueError if there is none, or if an approval cannot be logged.
         """
         self._writable()
         if decision.kind == "approve" and (problem := self._journal.commit()):
-            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+            raise ValueError(f"no approval is possible while the log cannot be written: {problem}")
         self._worker.decide(decision)
 
     def countersign(self, signed: PlanCountersignature) -> None:
-        """Accept a second person's signature from elsewhere for the waiting plan.
+        """Accept a second person's signature from another console for the waiting plan.
 
-        Raises ValueError for a signature that cannot be logged.
+        Raises ValueError if the signature cannot be logged.
         """
         self._writable()
         if problem := self._journal.commit():
-            raise ValueError(f"nothing is approved while the log cannot be written: {problem}")
+            raise ValueError(f"no approval is possible while the log cannot be written: {problem}")
         self._worker.countersign(signed)
 
     async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
-        """Rehearse a plan for another reading of a mission, without deciding anything.
+        """Return a rehearsed plan for another reading of a mission; nothing is decided.
 
-        The result is None if the console has no plan for it.
+        The result is None if the console finds no plan for the reading.
         """
         return await rehearse_reading(self._reload.services, mission, words)
 
     async def foresee(self, text: str) -> str:
-        """Return the line on how an order is read and planned now; nothing is logged or decided."""
+        """Return the live reading of an order, with its plan; nothing is logged or decided."""
         return await self._live.line(text)
 
     def other_ways(
         self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
-        """Rehearse other plans than `but` for the same reading of a mission.
+        """Yield rehearsed plans other than `but` for the same reading of a mission.
 
         No model is asked, and nothing is decided.
         """
@@ -360,7 +365,7 @@ class ControlStation:
         self._worker.cancel()
 
     def acknowledge(self, alarm_id: str, by: str = "operator") -> None:
-        """Record that `by` has seen an alarm; raises ValueError if the alarm is unknown."""
+        """Record that `by` has seen an alarm; raises ValueError if the alarm is not open."""
         self._writable()
         self._emit(self._intake.alarms.acknowledge(alarm_id, by))
 
@@ -372,8 +377,8 @@ class ControlStation:
     def stop_all(self, by: str = "operator") -> None:
         """Send a hold to every asset, cancel the active mission and empty the queue.
 
-        The stop is latched: until `release`, no other command leaves the station, no mission is
-        accepted, and no alarm becomes one. The holds are sent before anything else is done.
+        The stop stays in force until `release`: no other command is sent, no mission is accepted,
+        and no alarm becomes a mission. The holds are sent before anything else is done.
         """
         self._writable()
         holds = self._emergency_stop.hold_all()
@@ -390,7 +395,7 @@ class ControlStation:
     def release(self, by: str = "operator") -> None:
         """Release the stop: missions are accepted again, and open alarms become missions.
 
-        The release alone moves no asset. Raises ValueError if nothing is stopped.
+        The release itself does not move any asset. Raises ValueError if no stop is in force.
         """
         self._writable()
         self._gate.release()
@@ -402,9 +407,9 @@ class ControlStation:
         self._worker.queue_changed()
 
     def inject(self, incident: Incident) -> None:
-        """Make an incident happen in a simulated fleet.
+        """Inject an incident into a simulated fleet.
 
-        Raises ValueError for an unknown name, and for a fleet that is not simulated.
+        Raises ValueError if the incident has an unknown name, or if the fleet is not simulated.
         """
         self._writable()
         if not isinstance(self._fleet, Simulated):
@@ -421,19 +426,19 @@ class ControlStation:
                     return
 
     async def settled(self) -> None:
-        """Wait until no mission is active, none waits, and every outcome is judged."""
+        """Wait until no mission is active or waits, and every outcome is judged."""
         while not (self._worker.idle.is_set() and self._verdicts.all_settled.is_set()):
             await self._worker.idle.wait()
             await self._verdicts.all_settled.wait()
 
     def worker_changed(self, state: ev.WorkerState, detail: str) -> None:
-        """Emit a change in the state of the LLM worker."""
+        """Emit a change of the state of the local model's process."""
         self._emit(ev.WorkerChanged(state=state, detail=detail))
 
     def _server_changed(
         self, server: str, serves: tuple[ev.ServerUse, ...], state: ev.ServerState, detail: str
     ) -> None:
-        """Emit a change in the state of a model's server."""
+        """Emit a change of the state of a model's server."""
         self._emit(ev.ServerChanged(server=server, serves=serves, state=state, detail=detail))
 
     async def close(
@@ -441,9 +446,9 @@ class ControlStation:
     ) -> None:
         """Bring moving assets to safety, and end the stream with a last event.
 
-        With `judge_outcomes`, wait for the outstanding verdicts on outcomes; otherwise events
-        report that there are none. The call may be repeated or cancelled: all events are emitted in
-        any case.
+        With `judge_outcomes`, wait for the outstanding verdicts on outcomes; otherwise, events
+        report that these verdicts are missing. Even if the call is repeated or cancelled, all
+        events are emitted.
         """
         if self._closed:
             return
@@ -464,7 +469,7 @@ class ControlStation:
             await self._ahead.load()
 
     def _look_now(self) -> None:
-        """Process the picture without waiting for the next telemetry."""
+        """Process the current picture without waiting for the next telemetry period."""
         self._ticking.look()
 
     def _writable(self) -> None:

@@ -20,20 +20,21 @@ from pa_console.station.intake import Intake
 
 MOST_COUNTERSIGNED = 16
 UNANSWERED_S = 60.0
-"""The wait in seconds after which an unanswered plan gives way to a mission that needs no
-approval."""
+"""The time after which a plan that nobody has answered gives way to a mission that needs no
+approval, in seconds."""
 NEXT_TURN_S = 300.0
-"""The time in seconds until such a mission has another turn if its plan has waited in vain."""
-NOBODY_ANSWERS = "it need not ask anybody, and nobody has answered"
+"""The time until a mission that needs no approval has another turn, if its own plan had to wait for
+an answer and got none, in seconds."""
+NOBODY_ANSWERS = "it needs no approval, and nobody has answered"
 EmitFor = Callable[[ev.EventPayload, str | None], None]
-"""A function that emits an event for the mission with the given id, or for none."""
+"""A function that emits an event for the mission with the given id, or without a mission (None)."""
 
 
 class Background:
     """The tasks that run beside a session."""
 
     def __init__(self, on_failure: Callable[[BaseException], None]) -> None:
-        """Call `on_failure` with the error of a task that fails."""
+        """If a task fails, `on_failure` is called with its error."""
         self._on_failure = on_failure
         self._tasks: set[asyncio.Task[object]] = set()
 
@@ -59,7 +60,7 @@ class Background:
 
 @dataclass(frozen=True)
 class StationParts:
-    """The objects that the parts of one station share."""
+    """The objects that the parts of a station share."""
 
     services: Services
     feed: StepFeed
@@ -70,7 +71,7 @@ class StationParts:
 
 
 class MissionWorker:
-    """The worker that carries out the missions of the intake and reports through `emit`."""
+    """The worker that carries out the missions in the queue, and emits their events."""
 
     def __init__(self, parts: StationParts) -> None:
         self._services, self._intake = parts.services, parts.intake
@@ -80,7 +81,7 @@ class MissionWorker:
             parts.feed, self._decided, parts.verdicts, lambda: self._intake.alarms.open
         )
         self.idle = asyncio.Event()
-        """Set while no mission is active and none waits."""
+        """An event that is set while no mission is active or waits."""
         self.idle.set()
         self._arrived = asyncio.Event()
         self._runs: dict[str, MissionRun] = {}
@@ -93,10 +94,10 @@ class MissionWorker:
         self._asked_at_s = 0.0
         """The time of the last approval request, on the fleet's clock."""
         self._requested: dict[str, float] = {}
-        """The open missions whose approval was requested, with the time when each last waited for
-        it, on the fleet's clock."""
+        """The open missions for which approval was requested, each with the time when it last
+        waited for an answer, on the fleet's clock."""
         self._first = ""
-        """The mission that was last moved ahead of another."""
+        """The id of the mission that was last moved ahead of the active mission."""
 
     @property
     def active(self) -> MissionRun | None:
@@ -117,7 +118,7 @@ class MissionWorker:
     def thinking(self) -> bool:
         """True while the active mission is planned or waits, or an outcome is still being judged.
 
-        No asset moves for a mission in the meantime.
+        During this time, no asset moves for a mission.
         """
         if self._run is None:
             return not self._verdicts.all_settled.is_set()
@@ -125,13 +126,13 @@ class MissionWorker:
 
     @property
     def handled(self) -> frozenset[str]:
-        """The tracks, assets and gates of the active mission."""
+        """The tracks, assets and gates with which the active mission deals."""
         return self._run.subjects if self._run is not None else frozenset()
 
     async def serve(
         self, background: Background, between: Callable[[], Coroutine[None, None, None]]
     ) -> None:
-        """Carry out missions until cancelled; start `between` after each one."""
+        """Carry out missions until cancelled; start `between` after each mission."""
         while True:
             mission = self._intake.queue.pop_next()
             if mission is None:
@@ -148,7 +149,7 @@ class MissionWorker:
             background.start(between())
 
     def use(self, services: Services) -> None:
-        """Use `services` for new missions; missions already begun keep theirs."""
+        """Use `services` for new missions; missions that have begun keep their earlier services."""
         self._services = services
 
     @property
@@ -171,7 +172,7 @@ class MissionWorker:
         self._answer.set_result(decision)
 
     def countersign(self, signed: PlanCountersignature) -> None:
-        """Accept a second person's signature from elsewhere, for the waiting or the next plan."""
+        """Accept a second person's signature from another console for the waiting or next plan."""
         self._countersigned.append(countersignature(signed))
         if self._answer is not None and not self._answer.done():
             self._answer.set_result(self._countersigned.popleft())
@@ -179,17 +180,17 @@ class MissionWorker:
     def cancel(self, reason: str = "cancelled by the operator") -> None:
         """Cancel the active mission, even if it is about to give way to an emergency.
 
-        Raises ValueError if none is active.
+        Raises ValueError if no mission is active.
         """
         if self._work is None:
-            raise ValueError("no mission is active; one that waits is withdrawn from the queue")
+            raise ValueError("no mission is active; withdraw a waiting mission from the queue")
         self._gives_way, self._cancelled_for = False, reason
         self._work.cancel()
 
     def change_steps(self, change: Change, by: str = "operator") -> None:
-        """Pause, resume or end the active multi-step order.
+        """Pause, resume or end the active order in steps.
 
-        Raises ValueError if there is none, or if `change` does not apply.
+        Raises ValueError if there is no such order, or if `change` does not apply to it.
         """
         if self._run is None or not self._run.in_steps:
             raise ValueError("no order in steps is under way")
@@ -197,15 +198,15 @@ class MissionWorker:
             case "revoke":
                 self.cancel(f"revoked by {by}")
             case "skip":
-                raise ValueError(f"{self._run.mission.id} is under way: it has no moment to skip")
+                raise ValueError(f"{self._run.mission.id} is under way: there is no time to skip")
             case "pause" | "resume":
                 self._run.pause(paused=change == "pause", by=by)
 
     def see(self, picture: Picture) -> None:
-        """Pass new telemetry to the active mission, or let the mission give way.
+        """Pass new telemetry to the active mission, and let it give way to another if necessary.
 
-        It gives way to an emergency (WF-04). If nobody answers its approval request, it also gives
-        way to a mission of a standing order that needs no approval.
+        The mission gives way to an emergency (WF-04). If nobody answers its approval request, it
+        also gives way to a mission of a standing order that needs no approval.
         """
         if self._run is None or self._work is None or self._work.done():
             return
@@ -213,7 +214,7 @@ class MissionWorker:
         self._run.see(picture)
         moving = self._run.moving
         entry = None if self._gives_way else self._intake.emergency(mission, moving=moving)
-        # A mission that was moved ahead keeps its turn if the other has already asked for approval.
+        # A mission that was moved ahead stays active if approval of the other was requested before.
         kept = (
             mission.id == self._first and entry is not None and entry.mission.id in self._requested
         )
@@ -223,14 +224,14 @@ class MissionWorker:
             self._let_first(self._run, self._work, unasked, NOBODY_ANSWERS)
 
     def let_next_go_first(self) -> None:
-        """Move the next mission ahead of the active one, which waits again and is planned again.
+        """Move the next mission ahead of the active one, which waits again and is planned anew.
 
-        Raises ValueError if no mission is active or waits, or an asset is moving for the active
-        one.
+        Raises ValueError if no mission is active, if no mission waits, or if an asset is moving for
+        the active mission.
         """
         run, work = self._run, self._work
         if run is None or work is None or work.done():
-            raise ValueError("no mission is active: the next one begins by itself")
+            raise ValueError("no mission is active: the next mission begins automatically")
         if run.moving:
             raise ValueError(f"{run.mission.id} is under way: cancel it, or wait for its end")
         waiting = self._intake.queue.entries
@@ -239,9 +240,9 @@ class MissionWorker:
         self._let_first(run, work, waiting[0].mission, "the operator's order")
 
     def _unasked(self, time_s: float) -> Mission | None:
-        """Return a waiting mission that needs no approval, if the active one has waited too long.
+        """Return a waiting mission that needs no approval, if the active plan has waited too long.
 
-        A mission whose plan has waited for an answer itself is returned after NEXT_TURN_S only.
+        If approval was already requested for a mission, it is returned only after NEXT_TURN_S.
         """
         if not self.awaits_decision or time_s - self._asked_at_s < UNANSWERED_S:
             return None
@@ -306,7 +307,7 @@ class MissionWorker:
         return MissionRun(self._services, mission, emit, self._side)
 
     def _decided(self) -> asyncio.Future[Decision]:
-        """Return the future decision; outstanding verdicts use the idle model in the meantime."""
+        """Return a future for the decision; meanwhile, the idle model judges other outcomes."""
         self._verdicts.go_on()
         self._answer = answer = asyncio.get_running_loop().create_future()
         self._asked_at_s = self._services.fleet.time_s

@@ -57,14 +57,14 @@ NAMED = struct.pack("<Q", 20) + b"general.architecture" + struct.pack("<IQ", 8, 
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "it is empty"),
+        (b"", "the file is empty"),
         (b"no model", "does not begin with GGUF"),
-        (b"GGUF" + struct.pack("<I", 1), "its version is 1"),
+        (b"GGUF" + struct.pack("<I", 1), "the version is 1"),
         (HEADER + struct.pack("<QQ", 1 << 63, 0), "the number of tensors is 9,223"),
         (HEADER + struct.pack("<QQ", 0, 1 << 32), "the number of fields is 4,294"),
         (HEADER + struct.pack("<QQQ", 0, 1, 1 << 60), "the length of a key is"),
         (HEADER + struct.pack("<QQQ", 0, 1, 200), "a key goes beyond the end"),
-        (HEADER + struct.pack("<QQ", 0, 2) + 2 * NAMED, "'general.architecture' is there twice"),
+        (HEADER + struct.pack("<QQ", 0, 2) + 2 * NAMED, "'general.architecture' appears twice"),
         (HEADER + struct.pack("<QQ", 0, 0), "general.architecture is missing"),
         (HEADER + struct.pack("<QQ", 0, 1) + NAMED[:28] + struct.pack("<I", 5), "of type 5, not 8"),
     ],
@@ -77,7 +77,7 @@ def test_the_error_names_the_file_and_the_number_that_is_wrong(
     with pytest.raises(ValueError, match=said) as error:
         check_gguf(str(path), "model", name="models/mine.gguf")
     assert str(error.value).startswith("models/mine.gguf: not a sound GGUF file")
-    assert str(error.value).endswith("fetch it again, or take another file")
+    assert str(error.value).endswith("fetch it again, or use another file")
 
 
 async def error_of(engine: Engine) -> EngineError:

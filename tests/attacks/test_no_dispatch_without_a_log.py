@@ -104,7 +104,7 @@ async def test_a_plan_is_not_approved_until_the_log_has_room_again(
     desk = Desk(rig, log, disk)
     seen = await desk.run(ev.ApprovalRequested)
     assert len(desk.refused) == 1
-    assert "nothing is approved while the log cannot be written" in desk.refused[0]
+    assert "no approval is possible while the log cannot be written" in desk.refused[0]
     assert "free some space" in desk.refused[0]
     troubles = [bool(e.data.problem) for e in seen if isinstance(e.data, ev.LogTroubled)]
     assert troubles == [True, False]

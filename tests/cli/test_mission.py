@@ -104,7 +104,7 @@ def test_a_question_is_answered_and_no_mission_is_made_of_it(call: Call, tmp_pat
     assert done.code == done.json["exit_code"] == 0
     answer = done.json["answer"]
     assert (answer["question"], answer["topic"]) == (question, "gate")
-    assert "nobody covers NorthGate" in [line["said"] for line in answer["lines"]]
+    assert "no asset covers NorthGate" in [line["said"] for line in answer["lines"]]
     assert "mission" not in done.json
     told = log.read_text()
     assert '"question_answered"' in told

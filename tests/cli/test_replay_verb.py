@@ -153,7 +153,7 @@ def test_another_world_of_the_same_name_is_not_taken_for_the_sessions(
     words = ("replay", str(log), "--resimulate", "--scenario", str(quiet))
     missing = call(*words)
     assert missing.code == 2
-    assert "not here as it was then" in missing.err
+    assert "as it was in this session" in missing.err
     assert call(*words, "--world", str(world)).code == 0
     assert "note: checkpoint differs from the world" in call(*words, "--world", "checkpoint").err
 
@@ -175,8 +175,7 @@ def test_another_scenario_of_the_same_name_is_not_taken_for_the_sessions(
     assert other.code == 2
     assert (
         "'one-van' of this session is not installed here, or it has changed "
-        f"(SHA-256 {pinned[:12]})"
-        in other.err
+        f"(SHA-256 {pinned[:12]})" in other.err
     )
     assert "--scenario" in other.err
     given = call(*words, "--scenario", str(own))

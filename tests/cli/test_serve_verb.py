@@ -54,9 +54,7 @@ def test_a_session_is_served_to_whoever_has_the_token_and_ends_in_order(
 
 
 @pytest.mark.parametrize("verb", [("serve", "--port", "0"), ("mcp",)])
-def test_a_wrong_name_for_a_judge_on_a_server_is_refused(
-    verb: tuple[str, ...], call: Call
-) -> None:
+def test_a_wrong_name_for_a_judge_on_a_server_is_refused(verb: tuple[str, ...], call: Call) -> None:
     refused = call("--set", "judge_server=nonsense", *verb)
     assert refused.code == 2
     assert "judge_server: 'nonsense' is no model on a server" in refused.said

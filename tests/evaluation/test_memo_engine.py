@@ -81,7 +81,7 @@ async def test_a_torn_line_is_told_with_file_and_line(tmp_path: Path) -> None:
     await answer(MemoEngine(ScriptedEngine(["fine"]).engine(), path), request("one"))
     with path.open("a", encoding="utf-8") as file:
         file.write('{"key": "12')
-    with pytest.raises(ValueError, match=r"answers\.jsonl:2: .*remove it"):
+    with pytest.raises(ValueError, match=r"answers\.jsonl:2: .*remove the line"):
         MemoEngine(ScriptedEngine(["fine"]).engine(), path)
 
 

@@ -101,7 +101,7 @@ async def test_a_scheduler_that_is_restarted_is_sent_what_is_missing(
     async with scheduling(int(address.rpartition(":")[2])):
         made += [record async for record in records]
     assert len(made) == len({record.run for record in made}) == 4
-    assert any("asked for again" in text for text in said)
+    assert any("submitted again" in text for text in said)
     assert same(read_runs(tmp_path / "swept"), await single(tmp_path / "single", planned))
 
 

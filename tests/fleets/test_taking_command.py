@@ -209,7 +209,10 @@ async def test_command_goes_over_with_no_moment_in_which_both_have_it(
 
 @pytest.mark.parametrize(
     ("person", "said"),
-    [("bob", "only a commander takes command, and bob is none"), ("cleo", "is in command already")],
+    [
+        ("bob", "only a commander can take command, and bob is not a commander"),
+        ("cleo", "is in command already"),
+    ],
 )
 async def test_why_command_cannot_be_taken_is_said_before_anything_is_done(
     world: World, address: BrokerAddress, tmp_path: Path, person: str, said: str

@@ -266,9 +266,9 @@ def test_a_local_path_source_is_used_where_it_exists(tmp_path: Path, empty_cache
         (("default: small", "default: huge"), "default: 'huge' is not one of the models"),
         (("sha256: null", "sha256: abc"), r":9: models\.0\.sha256"),
         (("size_mb: 1", "size: 1"), r"models\.0\.size"),
-        (("package: p,", "package: 'p{n}',"), "needs {n} exactly when"),
+        (("package: p,", "package: 'p{n}',"), "must contain {n} if"),
         (("sha256:", "second_reader: huge\n    sha256:"), "second_reader: no model 'huge'"),
-        (("sha256: null", "second_reader: small\n    sha256: null"), "has to be another model"),
+        (("sha256: null", "second_reader: small\n    sha256: null"), "it must be another model"),
     ],
 )
 def test_a_broken_catalogue_names_file_line_and_field(
@@ -324,7 +324,7 @@ def test_a_prepared_model_is_taken_as_pinned_and_its_loader_is_left_to_hash_it(
 def test_a_file_that_is_no_model_is_refused_before_anything_starts(tmp_path: Path, content: bytes):
     path = tmp_path / "notes.txt"
     path.write_bytes(content)
-    with pytest.raises(ModelError, match=r"notes\.txt: no model in GGUF; fetch it again"):
+    with pytest.raises(ModelError, match=r"notes\.txt: not a GGUF file; fetch it again"):
         Catalog.load().get(str(path))
-    with pytest.raises(ModelError, match="give the path of one"):
+    with pytest.raises(ModelError, match="give the path of a GGUF file"):
         Catalog.load().get(str(tmp_path))

@@ -126,5 +126,7 @@ async def test_a_second_agent_cannot_withdraw_the_first_one_s(
     ):
         given = await called(one, "propose_mission", text="Move Drone_T04 to the east gate.")
         await running.waiting(given["id"])
-        assert "no proposal of second" in await refused(other, "withdraw", mission_id=given["id"])
+        assert "not a proposal of second" in await refused(
+            other, "withdraw", mission_id=given["id"]
+        )
         assert running.state.missions[given["id"]].status is None

@@ -55,7 +55,7 @@ async def test_a_moment_starts_one_mission_that_waits_for_approval_and_the_order
     (began,) = told(rig, ev.StandingOrderStarted)
     (approved,) = told(rig, ev.StandingOrderApproved)
     assert (began.tick - approved.tick) * 0.1 == pytest.approx(10.0, abs=1.5)
-    assert state.standing["S1"].ended == "its last moment has passed"
+    assert state.standing["S1"].ended == "its last scheduled time has passed"
 
 
 @pytest.mark.parametrize(

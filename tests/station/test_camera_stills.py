@@ -160,7 +160,7 @@ async def test_a_picture_that_cannot_be_kept_is_not_shown(site: Site, log: Path)
     watched = Watched(site, log)
     await watched.run([VEHICLE])
     assert watched.stills[0].sha256 is None
-    assert "cannot be kept" in watched.stills[0].problem
+    assert "cannot be stored" in watched.stills[0].problem
 
 
 async def test_a_defect_of_the_drawing_does_not_end_the_session(

@@ -236,14 +236,14 @@ def test_what_does_not_come_out_again_is_a_gap_and_no_flip(observed: Events) -> 
     found = effect([other(event) for event in observed], checkpoint_rules())
     assert found.flips == []
     assert [(gap.rule, gap.attempt) for gap in found.gaps] == [("ROE-06", 1)]
-    assert "comes out as 'complies'" in found.gaps[0].reason
+    assert "the same rules now give 'complies'" in found.gaps[0].reason
 
 
 def test_a_plan_without_a_rehearsal_is_a_gap(observed: Events) -> None:
     rest = [event for event in observed if not isinstance(event.data, ev.PlanRehearsed)]
     found = effect(rest, checkpoint_rules())
     assert (found.plans, [gap.reason for gap in found.gaps]) == (
-        0, ["it was not rehearsed in the session"]
+        0, ["the plan was not rehearsed in the session"]
     )  # fmt: skip
 
 

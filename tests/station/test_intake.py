@@ -218,7 +218,7 @@ def test_the_queue_is_told_once_a_change() -> None:
 @pytest.mark.parametrize("text", ["a", "m.", "ok", "y!"])
 def test_a_key_typed_too_early_is_no_order(text: str) -> None:
     desk = Intake(WORLD, "20260101T000000-abcd", respond=False)
-    with pytest.raises(ValueError, match="is no order, and was not sent"):
+    with pytest.raises(ValueError, match="is not an order and was not sent"):
         desk.submit(ReadText(text, text), active=False)
     assert not desk.queue.missions
 
@@ -274,7 +274,7 @@ def test_threat_then_the_operator_then_proximity_then_arrival() -> None:
     assert [entry.reason for entry in waiting.entries] == [
         "emergency, 90 m from WestGate: an emergency goes before everything else (WF-04)",
         "the operator's own mission: waits until M7 of higher threat is over (WF-05)",
-        "high, 20 m from WestGate: after M6: the operator's own goes first",
+        "high, 20 m from WestGate: after M6: the operator's own mission goes first",
         "high, 60 m from WestGate: M3 is nearer (WF-04)",
         "high: M2 is nearer (WF-04)",
         "high: arrived after M4",

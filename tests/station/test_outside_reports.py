@@ -65,6 +65,6 @@ async def test_only_reports_come_in(rig: Rig) -> None:
 
 
 async def test_a_source_that_fails_is_told_of_and_the_session_goes_on(rig: Rig) -> None:
-    text = "nothing more is taken from outside: ZeroDivisionError: nobody there"
+    text = "no more reports from outside are read: ZeroDivisionError: nobody there"
     failed = ev.Noticed(level="warning", subject="TAK", text=text)
     assert (await told(rig, Reports([UP], fails=True), failed))[-1] == failed

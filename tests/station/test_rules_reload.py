@@ -84,7 +84,7 @@ async def test_the_running_mission_is_pinned_to_the_rules_it_was_begun_with(rule
     assert content_sha256(replaced.rule_set) == replaced.rules_seal.content_sha256 == new
     assert replaced.rules_sha256 == load_rules(rules).sha256
     words = [e.data.text for e in told if isinstance(e.data, ev.Noticed)]
-    assert any(f"{first.mission.id} goes on under the set" in text for text in words)
+    assert any(f"{first.mission.id} continues under its earlier rules" in text for text in words)
     assert state.started is not None
     assert state.started.rules_seal == replaced.rules_seal
 

@@ -91,7 +91,7 @@ async def test_every_screen_says_in_red_that_nothing_is_dispatched(
 async def test_an_approval_that_is_refused_while_the_log_is_in_trouble_says_so(show: Show) -> None:
     async with show(story.told("approval")) as (app, pilot, station, clock):
         station.emit(ev.LogTroubled(problem=FULL), mission=None)
-        station.refuse = f"nothing is approved while the log cannot be written: {FULL}"
+        station.refuse = f"no approval is possible while the log cannot be written: {FULL}"
         await settle(pilot)
         clock.now += ARM_DELAY_S
         await press(pilot, "a", "enter")

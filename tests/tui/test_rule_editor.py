@@ -313,7 +313,7 @@ async def test_a_draft_is_tried_on_the_plans_of_the_session_and_the_present(rule
         _,
         editor,
     ):
-        for words in ("now, nobody moves: ✔ complies", "now, the last plan (M-003): ✔ complies",
+        for words in ("now, no asset moves: ✔ complies", "now, the last plan (M-003): ✔ complies",
                       "M-003 #1: ✔ complies"):  # fmt: skip
             assert words in results(editor)
         await write(pilot, editor, "== 'block'", "== 'identify'")

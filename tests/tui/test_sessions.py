@@ -105,7 +105,7 @@ async def test_a_session_whose_world_is_not_here_is_not_run_again_and_that_is_to
     async with app.run_test(size=(80, 24)) as pilot:
         await look(pilot, station)
         await pilot.press("r")
-        await until(pilot, lambda: "is not here as it was then" in notices(app)[-1])
+        await until(pilot, lambda: "as it was in this session" in notices(app)[-1])
 
 
 async def test_an_empty_folder_says_so_and_a_damaged_log_where(tmp_path: Path) -> None:

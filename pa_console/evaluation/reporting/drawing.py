@@ -50,7 +50,7 @@ SETTINGS: "dict[RcKeyType, str | float | bool]" = {
 """The fonts and colours of every figure."""
 
 GROUP_WIDTH = 0.84
-"""The width of a group of bars, where the distance between groups is 1."""
+"""The width of a group of bars, if the distance between the middles of two groups is 1."""
 
 
 class Style(NamedTuple):
@@ -78,7 +78,7 @@ def new_figure(width: float, height: float, rows: int = 1) -> "tuple[Figure, lis
 def render(name: str, draw: Callable[[], "Figure"]) -> tuple[bytes, bytes]:
     """Return a figure as SVG, and as PNG with 150 dots per inch.
 
-    `name` is the salt of the ids in the SVG, so that they are always the same.
+    `name` is the salt for the hashed ids in the SVG, so that equal figures have equal ids.
     """
     import matplotlib as mpl  # noqa: PLC0415 - loading it takes a second
 
@@ -91,10 +91,10 @@ def render(name: str, draw: Callable[[], "Figure"]) -> tuple[bytes, bytes]:
 
 
 def inline(svg: bytes, alt: str) -> str:
-    """Return an SVG for a page: without prolog and background, in the page's colour, with a label.
+    """Return an SVG without prolog and background, in the page's text colour, and with a label.
 
-    `alt` is the label for screen readers. Ids without references are removed, because the figures
-    of a page would have some in common.
+    `alt` is the label for screen readers. Ids without references are removed, because otherwise
+    several figures on a page could have the same ids.
     """
     text = svg.decode()
     text = text[text.index("<svg") :]
@@ -119,7 +119,7 @@ def percents(shares: Interval) -> Interval:
 
 
 def series_style(number: int, label: str) -> Style:
-    """Return the style of the `number`-th of several series."""
+    """Return the style of the series with the number `number`, and the label `label`."""
     return Style(label, SERIES[number % len(SERIES)], HATCHES[number % len(HATCHES)])
 
 
@@ -128,8 +128,8 @@ def draw_bars(
 ) -> None:
     """Draw the values of each style as bars with error bars, in groups around x = 0, 1, ...
 
-    A value of None leaves a gap. A group has room for `slots` bars, by default one for each of
-    `series`.
+    A value of None leaves a gap. A group has room for `slots` bars, or by default for one bar of
+    each series.
     """
     slots = max(slots, len(series), 1)
     width = 0.92 * GROUP_WIDTH / slots
@@ -150,7 +150,7 @@ def draw_bars(
 
 
 def error_lengths(points: Sequence[tuple[float, float, float, float]]) -> list[list[float]]:
-    """Return the lengths of the error bars below and above points (place, value, low, high)."""
+    """Return the lengths of the error bars below and above `points` (place, value, low, high)."""
     return [
         [value - low for _, value, low, _ in points],
         [high - value for _, value, _, high in points],
@@ -204,7 +204,7 @@ def label_groups(ax: "Axes", labels: Sequence[str], ours: int) -> None:
 
 
 def _broken(label: str) -> str:
-    """Return a long name in two lines, divided at a hyphen or a space near its middle."""
+    """Return a long name in two lines, divided at the hyphen or space closest to its middle."""
     if len(label) <= 11:
         return label
     cuts = [place + 1 for place, sign in enumerate(label) if sign in "- "]
@@ -230,7 +230,7 @@ def draw_dots(
     upright: bool,
     **options: Any,
 ) -> None:
-    """Draw points (place, value, low, high) with error bars, vertical ones if `upright`."""
+    """Draw `points` (place, value, low, high) with error bars, which are vertical if `upright`."""
     places, values = [place for place, *_ in points], [value for _, value, *_ in points]
     lengths = error_lengths(points)
     error = {"yerr": lengths} if upright else {"xerr": lengths}

@@ -80,22 +80,24 @@ SHOWN = {
     "decision": Style("decision", SKY),
     "end to end, station": Style("end to end, station", BLUE, "//"),
 }
-"""The latencies in the figure, without simulated execution, which is much longer."""
+"""The latencies in the figure. It leaves out the simulated execution, which is much longer."""
 
 LEAST_SHARE = 0.01
-"""The share of the total up to which a stage is merged with other small ones; it must be that small
-for every model."""
+"""The largest share of the total time that a stage may have to be merged with other small stages.
+
+It applies only if the stage's share is that small for every model.
+"""
 
 REST = "the rest, 1% or less each"
 
 
 Name = TypeVar("Name", bound=str)
 PaperMark = tuple[float, str]
-"""A value of the paper on the axis and the text beside it."""
+"""A value of the paper on the axis, and the text beside the mark."""
 
 
 class Drawn(NamedTuple):
-    """A figure of a report; `name` is the name of its file, and `alt` its description in words."""
+    """A figure of a report; `name` is the name of its file, and `alt` is its description."""
 
     section: str
     name: str
@@ -104,7 +106,7 @@ class Drawn(NamedTuple):
     draw: Callable[[], "Figure"]
 
 
-def draw_models(  # noqa: PLR0917 - models and bars, ours and the paper's
+def draw_models(  # noqa: PLR0917 - our models with bars, and the paper's models with marks
     ax: "Axes",
     models: Mapping[str, Records],
     styles: Mapping[Name, Style],
@@ -133,7 +135,7 @@ def _rate_mark(model: str, quantity: str) -> PaperMark | None:
 
 
 def figure_three(records: Records, beside: bool) -> "Figure":
-    """Draw overall success by model; `beside` adds the paper's models on the right."""
+    """Draw overall success by model; if `beside`, add the paper's models on the right."""
     paper_models = list(MODELS) if beside else []
     figure, (ax,) = new_figure(7.2, 3.6)
     draw_models(
@@ -152,7 +154,7 @@ def figure_three(records: Records, beside: bool) -> "Figure":
 
 
 def figure_four(records: Records, beside: bool) -> "Figure":
-    """Draw mean latencies by model; `beside` adds the latencies in the paper's text."""
+    """Draw mean latencies by model; if `beside`, add the latencies in the paper's text."""
     paper_models = [m for m in MODELS if beside and published(m, "latency_s") is not None]
 
     def mark(model: str, name: str) -> PaperMark | None:
@@ -162,7 +164,7 @@ def figure_four(records: Records, beside: bool) -> "Figure":
     figure, (ax,) = new_figure(7.2, 3.4)
     draw_models(ax, by_model(records), SHOWN, _mean, paper_models, mark)
     ax.set_ylim(bottom=0)
-    ax.set_ylabel("mean seconds a run")
+    ax.set_ylabel("mean seconds per run")
     if paper_models:
         name_paper(ax, "paper, end to end")
     legend(figure, ax, 3)
@@ -242,7 +244,7 @@ def table_one(records: Records, beside: bool) -> "Figure":
 
 
 def stages(records: Records) -> "Figure":
-    """Draw the mean seconds of each stage, as one stacked bar for each model."""
+    """Draw the mean seconds of all stages as one stacked bar for each model."""
     models = by_model(records)
     means = {
         stage: [sum(stage_seconds(r, stage) for r in runs) / len(runs) for runs in models.values()]
@@ -272,7 +274,7 @@ def stages(records: Records) -> "Figure":
     ax.set_yticks(list(places), list(models))
     ax.tick_params(axis="y", length=0)
     ax.invert_yaxis()
-    ax.set_xlabel("mean seconds a run, simulated execution left out")
+    ax.set_xlabel("mean seconds per run, without simulated execution")
     ax.grid(visible=False, axis="y")
     ax.grid(axis="x")
     legend(figure, ax, 5)
@@ -280,7 +282,7 @@ def stages(records: Records) -> "Figure":
 
 
 def ablation(records: Records) -> "Figure":
-    """Draw the success of each variant of a model as dots with intervals, the reference on top."""
+    """Draw a model's success in each variant as dots with intervals, the reference on top."""
     variants = variants_of(records)
     figure, (ax,) = new_figure(7.2, 1.1 + 0.42 * len(variants))
     for number, (name, style) in enumerate(SCORES.items()):
@@ -305,7 +307,7 @@ def ablation(records: Records) -> "Figure":
 
 
 def reliability_diagram(records: Records) -> "Figure":
-    """Draw strict success against confidence, as a line with 95 % intervals for each model."""
+    """Draw a line of strict success by confidence, with 95 % intervals, for each model."""
     figure, (ax,) = new_figure(4.6, 4.0)
     ax.plot([0, 100], [0, 100], color=INK, linewidth=0.8, linestyle="--", label="as sure as right")
     shapes = "os^Dv"
@@ -328,7 +330,7 @@ def reliability_diagram(records: Records) -> "Figure":
 
 
 def build_figures(records: Records) -> list[Drawn]:
-    """Return the figures for `records`, which are drawn later; empty if there are no records.
+    """Return the figures for `records`, still to be drawn; an empty list if there are no records.
 
     Figs. 3 to 5 and Table I show the runs of the paper's missions, or all runs if there are none.
     """

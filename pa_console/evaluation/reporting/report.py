@@ -48,11 +48,11 @@ from pa_console.schema.text import visible
 MARKDOWN, PAGE, FIGURES = "report.md", "report.html", "figures"
 
 FLAGS = {
-    "failed": "no strict success",
+    "failed": "not a strict success",
     "broke": "an enforced rule was broken",
     "judge": "the judge's verdict on the outcome was wrong",
-    "refused": "refused without need",
-    "obliged": "not refused, but had to be",
+    "refused": "refused needlessly",
+    "obliged": "not refused, although it had to be",
 }
 """The filters of the table of runs, in addition to the kinds of failure."""
 
@@ -60,7 +60,7 @@ _KNOWN = {"models", "variants", "mission_sets", "seeds", "runs", "seconds", "reu
 
 
 def facts(records: Records, about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the facts about the runs as pairs of name and text; `about` is from run.json."""
+    """Return the facts about the runs as pairs of a name and a text; `about` is from run.json."""
     names = {record.variant for record in records}
     variants = [*(name for name in ABOUT if name in names), *sorted(names - ABOUT.keys())]
     sets = [
@@ -105,16 +105,16 @@ def _plain(value: Any) -> str:
 
 
 def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
-    """Return notes on the limits of the figures, according to the data."""
+    """Return notes on the limits of the report's numbers, as far as the data show them."""
     main = main_runs(records)
     if not main:
-        return ["There is no run here yet."]
+        return ["There are no runs yet."]
     lines = [
         f"Tables and figures by model show the variant '{main_variant(records)}'; the ablation "
-        "shows all.",
-        "Intervals take runs as independent. Runs of one mission with several seeds often are "
-        "alike, as an equal prompt has an equal answer: they say how sure the figure is for these "
-        "missions, less so for others.",
+        "shows all variants.",
+        "Intervals treat runs as independent. Runs of one mission with several seeds are often "
+        "alike, because equal prompts have equal answers. Therefore, an interval shows how certain "
+        "a number is for these missions, and less so for other missions.",
     ]
     counts = {model: frozenset(run.case for run in runs) for model, runs in by_model(main).items()}
     if len(set(counts.values())) > 1:
@@ -124,35 +124,36 @@ def notes(records: Records, about: Mapping[str, Any]) -> list[str]:
     harsh = sum(run.strict and run.hybrid is False for run in main)
     lines.append(
         f"Hybrid and strict disagree on {kind + harsh} of {len(main)} runs: {kind} are a success "
-        f"for the judge alone, {harsh} by the truth alone."
+        f"only according to the judge, and {harsh} only according to the truth."
     )
     silent = sum(run.judge_outcome is None for run in main)
     if silent:
         lines.append(
             f"{silent} of {len(main)} runs have no verdict on the outcome, mostly because nothing "
-            "was executed; they count in hybrid as the definition says and in no rate of the judge."
+            "was executed. They count in hybrid success as its definition says, and they are left "
+            "out of the judge's rates."
         )
     reused = sum(run.reused > 0 for run in records)
     if reused:
         lines.append(
-            f"{reused} of {len(records)} runs took an answer that the model had given to an equal "
-            "prompt before; the time measured then stands in their latencies."
+            f"{reused} of {len(records)} runs reused an answer that the model had given to an "
+            "equal prompt before. Their latencies include the time measured for that answer."
         )
     ahead = sum(run.read_ahead for run in records)
     if ahead:
         lines.append(
-            f"In {ahead} of {len(records)} runs the model had read the picture before the command "
-            "came, as it has in the console for one who types; the command itself was read after "
-            "it was given."
+            f"In {ahead} of {len(records)} runs, the model had read the picture before the command "
+            "arrived, as in the console while an operator types. It read the command itself "
+            "afterwards."
         )
     jobs = about.get("jobs", 1)
     if isinstance(jobs, int) and jobs > 1:
-        lines.append(f"{jobs} runs were made at a time, so each had a part of the machine only.")
+        lines.append(f"{jobs} runs were made at a time, so each had only a part of the machine.")
     return lines
 
 
 def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]:
-    """Return the tables with rows of each section of a report, without empty sections."""
+    """Return the tables of each section of a report, without empty tables and sections."""
     sections: dict[str, list[ReportTable]] = {
         SUCCESS: success_tables(records),
         LATENCY: latency_tables(records),
@@ -170,9 +171,9 @@ def build_sections(records: Sequence[RunRecord]) -> dict[str, list[ReportTable]]
 
 
 def build_tables(records: Sequence[RunRecord]) -> list[ReportTable]:
-    """Return the tables for `records`; empty if there are no records.
+    """Return the tables for `records`; an empty list if there are no records.
 
-    Tables by model are about the main variant (`main_variant`), and ablations about all variants.
+    Tables by model show the main variant (`main_variant`), and ablations show all variants.
     """
     return [table for tables in build_sections(records).values() for table in tables]
 
@@ -247,7 +248,7 @@ def write_report(folder: Path, records: Sequence[RunRecord], about: Mapping[str,
 
 
 def markdown_cell(text: str) -> str:
-    """Return `text` with escapes, so that a cell of a Markdown table shows it unchanged."""
+    """Return `text` with escapes, so that it appears unchanged in a cell of a Markdown table."""
     for sign in "\\|*_`<[":
         text = text.replace(sign, f"\\{sign}")
     return " ".join(text.split())
@@ -262,7 +263,7 @@ def _write_figure(folder: Path, drawn: Drawn) -> ReportFigure:
 
 
 def _kinds(records: Sequence[RunRecord]) -> dict[FailureKind, tuple[int, int]]:
-    """Return the kinds of failure with their number and count, the most common kind first."""
+    """Return the kinds of failure with their rank and count, the most common kind first."""
     counts = Counter(kind for record in records if (kind := failure_kind(record)) is not None)
     ranked = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
     return {kind: (number, count) for number, (kind, count) in enumerate(ranked)}

@@ -42,7 +42,7 @@ MISSION_SET = "paper"
 
 
 class PaperFigure(StrictModel):
-    """One number of the paper; `derived` if it follows from other numbers in the text."""
+    """One number of the paper; `derived` is True if it follows from other numbers in the text."""
 
     value: float
     derived: bool = False
@@ -84,7 +84,7 @@ MODELS, HYBRID_BY_CATEGORY = _PAPER.models, _PAPER.hybrid_by_category
 
 
 def grouped(records: Records, key: Callable[[RunRecord], Key]) -> dict[Key, list[RunRecord]]:
-    """Return the records by key; keys are in the order of their first appearance."""
+    """Return the records by `key`; the keys are in the order of their first appearance."""
     groups: dict[Key, list[RunRecord]] = {}
     for record in records:
         groups.setdefault(key(record), []).append(record)
@@ -109,8 +109,8 @@ def by_set(records: Records) -> dict[str, list[RunRecord]]:
 def main_variant(records: Records) -> str:
     """Return the variant for tables by model; "" if there are no runs.
 
-    It is the variant with the most models. Of several, it is the reference, else `full`, else the
-    variant with the most runs.
+    This is the variant with the most models. If several variants have equally many models, it is
+    the reference, or else `full`, or else the variant with the most runs.
     """
     variants = grouped(records, lambda record: record.variant)
     if not variants:
@@ -163,7 +163,7 @@ def wilson(successes: int, runs: int) -> tuple[float, float]:
     not a proportion.
     """
     if not 0 <= successes <= runs:
-        raise ValueError(f"{successes} of {runs} is no proportion")
+        raise ValueError(f"{successes} of {runs} is not a proportion")
     if runs == 0:
         return 0.0, 1.0
     share, square = successes / runs, Z95 * Z95
@@ -183,7 +183,7 @@ class SuccessRate(NamedTuple):
 
     @classmethod
     def of(cls, results: Iterable[bool | None]) -> "SuccessRate":
-        """Return the rate of True among `results`, without values of None."""
+        """Return the rate of True among `results`; results of None do not count."""
         present = [result for result in results if result is not None]
         return cls(sum(present), len(present))
 
@@ -204,7 +204,7 @@ class SuccessRate(NamedTuple):
 
 
 def success_rate(records: Iterable[RunRecord], kind: SuccessKind = "strict") -> SuccessRate:
-    """Return the rate of success of a `kind` among `records`."""
+    """Return the rate of success among `records`; `kind` is the kind of success."""
     return SuccessRate.of(getattr(record, kind) for record in records)
 
 
@@ -220,7 +220,7 @@ class Confusion(NamedTuple):
 
     @classmethod
     def of(cls, pairs: Iterable[tuple[Opinion | None, bool]]) -> "Confusion":
-        """Return the counts of pairs of a judgement (None if there was none) and the truth."""
+        """Return the counts of `pairs`, each of a judgement (None if missing) and the truth."""
         counts = Counter(pairs)
         return cls(
             tp=counts["Success", True],
@@ -252,9 +252,9 @@ class Confusion(NamedTuple):
 
     @property
     def base(self) -> SuccessRate:
-        """The share of true successes among the judged runs, which is the rate to compare with.
+        """The share of true successes among the judged runs, as a baseline for the precision.
 
-        It is the precision of a judge that always finds a success.
+        A judge that always finds a success has this precision.
         """
         return SuccessRate(self.tp + self.fn, self.judged)
 
@@ -274,7 +274,7 @@ class Confusion(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """Mean with the half-width of its 95 % interval, median and 95th percentile of `n` values."""
+    """The mean of `n` values, half the width of its 95 % interval, median and 95th percentile."""
 
     n: int
     mean: float
@@ -286,8 +286,8 @@ class Spread(NamedTuple):
 def spread(values: Sequence[float]) -> Spread | None:
     """Return the statistics of `values`; None if there are no values.
 
-    The interval of the mean is the normal one, and zero for a single value. The percentile is
-    interpolated linearly between ranks.
+    The interval of the mean follows from the normal distribution; for a single value, its width is
+    zero. The percentile is interpolated linearly between ranks.
     """
     if not values:
         return None
@@ -319,7 +319,7 @@ class ReportTable(StrictModel):
 
 
 Cell = str | int | SuccessRate
-"""The content of a cell; `rate_cell` formats a rate."""
+"""The content of a cell; a rate is formatted by `rate_cell`."""
 
 
 def table_of(
@@ -329,9 +329,10 @@ def table_of(
     groups: Mapping[tuple[str, ...], Group],
     **values: object,
 ) -> ReportTable:
-    """Return the table `kind` with a row for each of `groups`, which is its key and the columns.
+    """Return the table `kind` with a row for each of `groups`.
 
-    `values` are inserted into the title and the note.
+    A row has the key of its group, then the result of each of `columns` for the group. `values` are
+    inserted into the title and the note.
     """
     rows = [
         (*key, *(_written(column(group)) for column in columns.values()))
@@ -343,7 +344,10 @@ def table_of(
 def table_of_rows(
     kind: str, columns: Sequence[str], rows: Sequence[tuple[str, ...]], **values: object
 ) -> ReportTable:
-    """Return the table `kind` with `rows`; the value `of`, if given, is added to its name."""
+    """Return the table `kind` with `rows`; `values` are inserted into the title and the note.
+
+    The value `of`, if given, is added to the table's name.
+    """
     text = TEXTS.tables[kind]
     return ReportTable(
         name=f"{kind}-{values['of']}" if "of" in values else kind,
@@ -364,7 +368,7 @@ def percent(share: float | None) -> str:
 
 
 def rate_cell(rate: SuccessRate) -> str:
-    """Return a rate as `83% (71-91) 40/48`: value, 95 % Wilson interval, successes and runs."""
+    """Return a rate as `83% (71-91) 40/48`: value, 95 % Wilson interval, successes / runs."""
     if not rate.runs:
         return NOTHING
     interval = f"({100 * rate.low:.0f}–{100 * rate.high:.0f})"
@@ -377,7 +381,7 @@ def fraction_cell(value: Interval | None) -> str:
 
 
 def seconds(value: float | None) -> str:
-    """Return seconds with about three digits, so that milliseconds remain visible."""
+    """Return seconds as text; shorter times have more decimals, so that milliseconds show."""
     if value is None:
         return NOTHING
     digits = 3 if value < 0.1 else 2 if value < 10 else 1

@@ -1,4 +1,4 @@
-"""The tables of success (the paper's Table I and Fig. 3), ablation, failures and latencies."""
+"""Tables of success (the paper's Table I and Fig. 3), ablations, failures and latencies."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ ABLATION_COLUMNS = (
     "broke a rule", "decision s", "tokens",
 )  # fmt: skip
 WAYS = 6
-"""The number of kinds of failure in a table; the rest is one row."""
+"""The number of kinds of failure in a table; all other kinds share one row."""
 EXAMPLES = 2
 """The number of examples for a kind of failure."""
 
@@ -61,20 +61,19 @@ SCORES: dict[str, Callable[[Records], SuccessRate]] = {
     "strict": lambda runs: success_rate(runs, "strict"),
     "strict if the judge is obeyed": lambda runs: success_rate(runs, "obeyed"),
 }
-"""The columns of tables of success."""
+"""The rates in tables of success, by the title of the column."""
 
 DECISION_STAGES = (
     "retrieval_s", "picture_s", "prompt_s", "planning_s", "checks_s", "rehearsal_s", "judging_s",
 )  # fmt: skip
-"""The stages from the command to a judged plan, including repairs, as wall-time fields of Metrics.
-"""
+"""The stages from the command to a judged plan, including repairs: fields of Metrics, wall time."""
 
 STAGES = (*DECISION_STAGES, "readings_s", "dispatch_s", "outcome_s")
-"""All stages that take wall time of the station; execution is simulated and listed separately."""
+"""All stages that take wall time. Execution is not one of them, because it is simulated."""
 
 
 class FailureKind(NamedTuple):
-    """A kind of failure: the expected result of the mission, its end, and the cause."""
+    """A kind of failure: the expected result of the mission, its final status, and the cause."""
 
     wanted: str
     ended: str
@@ -96,7 +95,7 @@ def failure_kind(record: RunRecord) -> FailureKind | None:
     else:
         causes.append(reason_pattern(record.reason))
     return FailureKind(
-        expected, record.status, "; ".join(filter(None, causes)) or "no cause is told"
+        expected, record.status, "; ".join(filter(None, causes)) or "no cause is recorded"
     )
 
 
@@ -108,12 +107,15 @@ def condition_kind(condition: str) -> str:
     bare = _QUOTED.sub("''", condition)
     roots = dict.fromkeys(name for name in _ROOT.findall(bare) if name not in _CONSTANTS)
     fields = dict.fromkeys(name for name in _FIELD.findall(bare))
-    text = ", ".join(roots) or "nothing of the run"
+    text = ", ".join(roots) or "no fact of the run"
     return f"{text} ({', '.join(fields)})" if fields else text
 
 
 def reason_pattern(reason: str) -> str:
-    """Return the reason for no execution as rule ids, or as words without names and numbers."""
+    """Return the kinds of a `reason` why nothing was executed.
+
+    Each kind is a rule id, or the words of the reason without names and numbers.
+    """
     kinds: dict[str, None] = {}
     for part in filter(None, (piece.strip() for piece in reason.split(";"))):
         rule = _RULE.match(part)
@@ -123,7 +125,7 @@ def reason_pattern(reason: str) -> str:
 
 
 def paper_cell(model: str, quantity: Quantity) -> str:
-    """Return the paper's share for its `model`, with a star if the value is derived."""
+    """Return the paper's rate `quantity` for its `model`, with a star if the value is derived."""
     value = published(model, quantity)
     return NOTHING if value is None else percent(value.value) + "*" * value.derived
 
@@ -188,7 +190,7 @@ def _by_category(records: Records, name: str) -> ReportTable:
 
 
 class Difference(NamedTuple):
-    """The strict success of a variant against the reference, on the runs of both."""
+    """The strict success of a variant compared with the reference, in runs of the same cases."""
 
     pairs: int
     better: int
@@ -201,7 +203,7 @@ class Difference(NamedTuple):
 
 
 def difference(records: Records, reference: Records) -> Difference:
-    """Return the difference between runs of the same mission and seed."""
+    """Return the difference from `reference` over runs of the same mission and seed."""
     strict_of = {record.case: record.strict for record in reference}
     both = [
         (record.strict, strict_of[record.case]) for record in records if record.case in strict_of
@@ -227,7 +229,7 @@ def ablation_tables(records: Records) -> list[ReportTable]:
 
 
 def variants_of(records: Records) -> dict[str, list[RunRecord]]:
-    """Return the runs by variant, the reference first."""
+    """Return the runs by variant, starting with the reference."""
     reference = reference_variant(records)
     variants = grouped(records, lambda record: record.variant)
     return {reference: variants[reference], **variants}
@@ -272,7 +274,7 @@ def _tokens(records: Records) -> str:
 
 
 def failure_tables(records: Records) -> list[ReportTable]:
-    """Return the tables of the most common failures of each model, and of attempts."""
+    """Return a table of the most common failures for each model, and the table of attempts."""
     main = main_runs(records)
     return [*(_failures(model, runs) for model, runs in by_model(main).items()), _attempts(main)]
 
@@ -288,7 +290,7 @@ def _failures(model: str, records: Records) -> ReportTable:
     ]
     rest = sum(len(runs) for _, runs in ranked[WAYS:])
     if rest:
-        others = f"{len(ranked) - WAYS} other ways"
+        others = f"{len(ranked) - WAYS} other kinds"
         rows.append(("", "", others, rate_cell(SuccessRate(rest, len(failed))), ""))
     return table_of_rows(
         "failures",
@@ -301,7 +303,7 @@ def _failures(model: str, records: Records) -> ReportTable:
 
 
 def _examples(runs: Sequence[RunRecord]) -> str:
-    """Return the ids of up to EXAMPLES runs of different missions."""
+    """Return the ids of at most EXAMPLES runs, each of a different mission."""
     missions = grouped(runs, lambda record: record.mission)
     return ", ".join(examples[0].run for examples in list(missions.values())[:EXAMPLES])
 
@@ -357,7 +359,10 @@ LATENCIES: dict[str, Callable[[RunRecord], float]] = {
 
 
 def latency_tables(records: Records) -> list[ReportTable]:
-    """Return Fig. 4, for only the paper's missions if they have runs, and a table of all stages."""
+    """Return the table of Fig. 4 and the table of all stages.
+
+    Fig. 4 shows only the paper's missions if they have runs.
+    """
     main, paper = main_runs(records), comparable_runs(records)
     return [_figure_four(paper or main, bool(paper)), _stages(main)]
 

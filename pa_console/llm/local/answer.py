@@ -1,10 +1,10 @@
 """An answer being written under a grammar; forced and guessed tokens are evaluated in batches.
 
-Plans repeat names of the prompt, so tokens can be guessed. A guess costs little, because it is
-evaluated in one batch with the tokens that are due, and it changes nothing: a guessed token is
-taken only if the model would choose it. The most likely token is tried first; the mask over the
-whole vocabulary is computed only if the grammar refuses that token. Only the worker process imports
-this module.
+Plans repeat names from the prompt, so tokens can be guessed. A guess costs little, because it is
+evaluated in one batch with the next tokens. It does not change the answer, because a guessed token
+is accepted only if the model would choose it. The most likely token is tried first; the mask over
+the whole vocabulary is computed only if the grammar refuses that token. Only the worker process
+imports this module.
 """
 
 import codecs
@@ -23,9 +23,9 @@ from pa_console.llm.local.runtime import InterruptedEvaluationError, Runtime
 from pa_console.schema.finding import Usage
 
 MOST = 5
-"""The number of tokens guessed at once."""
+"""The largest number of tokens that are guessed at once."""
 LONGEST, SHORTEST = 3, 2
-"""The greatest and least number of matching tokens before a guess; more is better."""
+"""The greatest and least number of matching tokens on which a guess is based; more are better."""
 
 LOOSE = 3
 """The number of tokens at an answer's end that are written again when another answer continues it.
@@ -35,7 +35,7 @@ LOOSE = 3
 def lookup_tokens(context: Sequence[int], most: int = MOST) -> list[int]:
     """Return the tokens that followed the last earlier occurrence of the end of `context`.
 
-    At most `most` tokens are returned, or none without such an occurrence.
+    At most `most` tokens are returned, or none if there is no earlier occurrence.
     """
     for length in range(min(LONGEST, len(context) - 1), SHORTEST - 1, -1):
         end = list(context[-length:])
@@ -63,14 +63,17 @@ def likeliest(matcher: LLMatcher, logits: NDArray[np.float32]) -> int:
 
 
 def log_chance(logits: NDArray[np.float32], token: int) -> float:
-    """Return the log probability of `token` by `logits`, regardless of the grammar."""
+    """Return the log probability of `token` according to `logits`, regardless of the grammar."""
     highest = logits.max()
     total = np.exp(logits - highest).sum()
     return float(logits[token] - highest - np.log(total))
 
 
 def allowed_only(matcher: LLMatcher, logits: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return `logits` with minus infinity for refused tokens; raises ValueError if all are."""
+    """Return `logits` with minus infinity for tokens that the grammar refuses.
+
+    Raises ValueError if it refuses all tokens.
+    """
     mask = np.frombuffer(matcher.compute_bitmask(), dtype=np.uint8)
     allowed = np.unpackbits(mask, bitorder="little")[: logits.size].astype(bool)
     if not allowed.any():
@@ -85,7 +88,7 @@ def readable(tokenizer: Any, tokens: Sequence[int], ends: frozenset[int]) -> byt
 
 @dataclass(frozen=True)
 class FinishedAnswer:
-    """A complete answer: the tokens of prompt and answer, of which `evaluated` are in the cache."""
+    """A complete answer; `evaluated` is how many tokens of prompt and answer are in the cache."""
 
     prompt: Sequence[int]
     tokens: Sequence[int]
@@ -97,7 +100,7 @@ class FinishedAnswer:
         return self.prompt == prompt and self.text == text
 
     def beginning(self, ends: frozenset[int]) -> list[int]:
-        """Return the tokens except for the last ones, which may merge with the continuation."""
+        """Return the tokens without the last ones, because they may merge with a continuation."""
         written = [token for token in self.tokens if token not in ends]
         return written[:-LOOSE]
 
@@ -147,7 +150,7 @@ class AnswerRun:
     ) -> Finish:
         """Write an answer that begins like `last` to the end of `context`, the prompt.
 
-        If the grammar refuses that beginning, the answer is written from the start.
+        If the grammar refuses the beginning of `last`, the whole answer is written anew.
         """
         begun = last.beginning(self._ends)
         if not begun or self._matcher.try_consume_tokens(begun) != len(begun):
@@ -167,9 +170,9 @@ class AnswerRun:
     def _rest(
         self, sequence: int, context: list[int], pending: list[int], max_tokens: int
     ) -> Finish:
-        """Write until the grammar ends; the tokens `pending` are accepted but not evaluated.
+        """Write until the grammar ends; the tokens `pending` are accepted but not yet evaluated.
 
-        Every batch has the pending tokens and a guess of those that follow.
+        Every batch has the pending tokens and a guess of the tokens that follow.
         """
         while not self._matcher.is_stopped() and self._written < max_tokens:
             evaluated = len(context) - len(pending)
@@ -192,7 +195,7 @@ class AnswerRun:
         context: list[int],
         max_tokens: int,
     ) -> tuple[list[int], int]:
-        """Accept tokens while they match the guess.
+        """Accept the model's tokens while they match the guess, and the first that do not match.
 
         `rows` are the logits before and after each guessed token. Returns the accepted tokens that
         were not evaluated, and the number of correct guesses.
@@ -210,7 +213,7 @@ class AnswerRun:
                 return tokens[same:], right
 
     def _take(self, tokens: list[int], context: list[int], max_tokens: int) -> list[int]:
-        """Add `tokens` to the answer, as many as fit."""
+        """Add as many of `tokens` to the answer as fit, and return them."""
         taken = tokens[: max_tokens - self._written]
         self._written += len(taken)
         context += taken
@@ -230,7 +233,7 @@ class AnswerRun:
         )
 
     def _next(self, logits: NDArray[np.float32]) -> list[int]:
-        """Return the next tokens: forced ones, or a chosen one and those that it forces."""
+        """Return the next tokens: forced tokens, or a chosen token and the tokens forced by it."""
         tokens = forced_tokens(self._matcher)
         if tokens or self._matcher.is_stopped():
             return tokens

@@ -1,10 +1,11 @@
 """The confinement of the model's process: it can read its files, compute and answer its parent.
 
-Large C and C++ libraries parse the GGUF file and compile the grammar. An attacker who exploits a
-vulnerability in them has no network, no other program, no file to write, only Python's and the
-model's files to read, no access to other processes, no keys in the environment, and no more memory
-than the model needs. The model runs on the CPU: GPU devices are files that are opened for writing,
-so they are inaccessible too. `python -m pa_console.llm.local.confinement` tests all of this.
+Large C and C++ libraries parse the GGUF file and compile the grammar. If an attacker exploits a
+vulnerability in them, the process still cannot use the network, start programs, write files, read
+files other than Python's and the model's, access other processes, find keys in its environment, or
+take more memory than the model needs. The model runs on the CPU, because GPU devices are files that
+are opened for writing, which is forbidden too. `python -m pa_console.llm.local.confinement` tests
+all of this.
 """
 
 import ctypes
@@ -24,7 +25,7 @@ CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446
 """The numbers of the system calls, the same on every kind of CPU."""
 EXECUTE, READ_FILE, READ_FOLDER = 1 << 0, 1 << 2, 1 << 3
 BENEATH = 1
-"""The kind of a rule: for a file, or for a folder and everything in it."""
+"""The kind of rule that applies to a file, or to a folder and everything in it."""
 SET_NO_NEW_PRIVILEGES = 38
 
 KEPT_VARIABLES = frozenset((
@@ -34,16 +35,16 @@ KEPT_VARIABLES = frozenset((
     "OMP_PROC_BIND", "OMP_WAIT_POLICY", "GOMP_CPU_AFFINITY", "GOMP_SPINCOUNT",
     "OPENBLAS_NUM_THREADS",
 ))  # fmt: skip
-"""The environment variables for Python, its libraries, language and thread placement; none is
-secret."""
+"""The environment variables that the process may have: for Python, its libraries, the language and
+the placement of threads. None of them is secret."""
 
 OPEN_FILES = 64
 WORK_BYTES = 2 << 30
-"""The memory for Python, its libraries and a grammar; 0.3 GB were measured with a 135M model."""
+"""The memory for Python, its libraries and a grammar; a 135M model was measured to use 0.3 GB."""
 
 WEIGHTS_TIMES = 3
-"""The limit on memory as a multiple of the weights. With 4096 tokens per role, the caches of a 7B
-model take at most twice the size of its weights.
+"""The memory for the model, as a multiple of the size of its weights. With 4096 tokens per role,
+the caches of a 7B model take at most twice the size of its weights.
 """
 
 THREAD_BYTES = 16 << 20
@@ -58,17 +59,17 @@ OF_THE_SYSTEM = (
 )  # fmt: skip
 """System files that Python and the C library read while the model runs."""
 TRIAL_LIMIT_S = 30.0
-REMEDY = "on Linux 5.13 or newer with Landlock, on x86-64 or ARM64, all of it holds"
+REMEDY = "Linux 5.13 or newer with Landlock, on x86-64 or ARM64, enforces all restrictions"
 
 
 class _Ruleset(ctypes.Structure):
-    """`struct landlock_ruleset_attr`, first version: the rights that need a rule."""
+    """The first version of `struct landlock_ruleset_attr`: the rights that need a rule."""
 
     _fields_ = [("handled", ctypes.c_uint64)]
 
 
 class _Rule(ctypes.Structure):
-    """`struct landlock_path_beneath_attr`."""
+    """The `struct landlock_path_beneath_attr` of the kernel."""
 
     _pack_ = 1
     _fields_ = [("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32)]
@@ -77,10 +78,11 @@ class _Rule(ctypes.Structure):
 def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
     """Restrict reading to `readable` files and folders; return the reason if that fails, else ''.
 
-    It applies to this thread and the threads that it starts later. Missing files are skipped.
+    The restriction applies to this thread and to threads that it starts later. Missing files are
+    skipped.
     """
     if sys.platform != "linux":
-        return "the limit on files that are read is one of Linux"
+        return "reading can be restricted only on Linux"
     library = ctypes.CDLL(None, use_errno=True)
     rights = _Ruleset(EXECUTE | READ_FILE | READ_FOLDER)
     ruleset = library.syscall(CREATE_RULESET, ctypes.byref(rights), ctypes.sizeof(rights), 0)
@@ -94,7 +96,7 @@ def restrict_reading(readable: Iterable[str | os.PathLike[str]]) -> str:
             library.syscall(RESTRICT_SELF, ruleset, 0) == 0
         ):
             return ""
-        return f"the kernel takes no Landlock: {os.strerror(ctypes.get_errno())}"
+        return f"the kernel refuses the Landlock rules: {os.strerror(ctypes.get_errno())}"
     finally:
         os.close(ruleset)
 
@@ -106,34 +108,34 @@ def _allow_reading(library: ctypes.CDLL, ruleset: int, path: str | os.PathLike[s
         rights = READ_FILE | (READ_FOLDER if Path(path).is_dir() else 0)
         rule = _Rule(rights, parent)
         if library.syscall(ADD_RULE, ruleset, BENEATH, ctypes.byref(rule), 0) != 0:
-            raise OSError(ctypes.get_errno(), "no rule of Landlock for it", os.fspath(path))
+            raise OSError(ctypes.get_errno(), "Landlock accepts no rule for it", os.fspath(path))
     finally:
         os.close(parent)
 
 
 class Restriction(StrictModel):
-    """An action denied to the process; `missing` is the reason if it is possible here."""
+    """A restriction of the process; `missing` is the reason if it does not hold, else ''."""
 
     what: str
     missing: str = ""
 
 
 def gaps(restrictions: Iterable[Restriction]) -> str:
-    """Return the restrictions that do not hold, with reasons; '' if all hold."""
+    """Return the restrictions that do not hold, with the reasons; '' if all hold."""
     return "; ".join(f"{item.what} ({item.missing})" for item in restrictions if item.missing)
 
 
 def require_all(restrictions: Iterable[Restriction]) -> None:
-    """Raise ValueError with the gaps unless all `restrictions` hold."""
+    """Raise ValueError, which lists the gaps, unless all `restrictions` hold."""
     if missing := gaps(restrictions):
         raise ValueError(
-            "--require-sandbox: the model's process is not confined on this machine; what does "
-            f"not hold: {missing}; {REMEDY}"
+            "--require-sandbox: the model's process is not confined on this machine; not "
+            f"enforced: {missing}; {REMEDY}"
         )
 
 
 def clean_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables of the environment `environment` that the model's process may have."""
+    """Return the variables of `environment` that the model's process may have."""
     return {name: value for name, value in environment.items() if name in KEPT_VARIABLES}
 
 
@@ -144,7 +146,7 @@ def read_only(files: Iterable[str]) -> Restriction:
     threads are not restricted.
     """
     return Restriction(
-        what="no files but its own to read, no look into other processes",
+        what="no reading of other files, no access to other processes",
         missing=restrict_reading((*files, *_python_files(), *OF_THE_SYSTEM)),
     )
 
@@ -168,10 +170,10 @@ def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
     restrictions, including those that cannot be set here.
     """
     return (
-        Restriction(what="memory within bounds", missing=_limit_memory(weights_bytes, threads)),
-        Restriction(what="few open files, none of them growing", missing=_limit_files()),
+        Restriction(what="limited memory", missing=_limit_memory(weights_bytes, threads)),
+        Restriction(what="few open files, no growing files", missing=_limit_files()),
         Restriction(
-            what="no network, no other program, no change to files",
+            what="no network, no other programs, no changes to files",
             missing=seccomp.restrict(pinned=not BINDING.isdisjoint(os.environ)),
         ),
     )
@@ -180,7 +182,7 @@ def confine(weights_bytes: int, threads: int) -> tuple[Restriction, ...]:
 def _limit_memory(weights_bytes: int, threads: int) -> str:
     """Limit the writable memory; the weights are mapped read-only and do not count."""
     if sys.platform != "linux":
-        return "the limit on memory is one of Linux"
+        return "memory can be limited only on Linux"
     import resource  # noqa: PLC0415 - Unix only
 
     used = _data_bytes()
@@ -191,7 +193,7 @@ def _limit_memory(weights_bytes: int, threads: int) -> str:
 def _limit_files() -> str:
     """Limit the number of open files, forbid writing to files, and disable core dumps."""
     if sys.platform == "win32":
-        return "there are no limits on files on Windows"
+        return "Windows has no limits on files"
     import resource  # noqa: PLC0415 - Unix only
 
     return (
@@ -223,16 +225,17 @@ def _data_bytes() -> int:
 
 
 class _Trial(StrictModel):
-    """The results of a confined process's attempts."""
+    """The restrictions of a confined process, and the forbidden acts that it could still do."""
 
     restrictions: tuple[Restriction, ...]
     done: tuple[str, ...]
 
 
 def try_out() -> tuple[Restriction, ...]:
-    """Return the confinement of a process like the model's on this machine; takes 0.3 s.
+    """Confine a process like the model's on this machine, and return its restrictions.
 
-    An act that should have been refused but succeeded counts as missing.
+    If a forbidden act succeeds, it is returned as a restriction that does not hold. This takes
+    0.3 s.
     """
     try:
         ended = subprocess.run(
@@ -246,7 +249,7 @@ def try_out() -> tuple[Restriction, ...]:
         )
         trial = _Trial.model_validate_json(ended.stdout)
     except (OSError, ValueError, subprocess.SubprocessError) as error:
-        return (Restriction(what="anything", missing=f"it could not be tried: {error}"),)
+        return (Restriction(what="confinement", missing=f"it could not be tested: {error}"),)
     worked = (Restriction(what=done, missing="tried, and not refused") for done in trial.done)
     return (*trial.restrictions, *worked)
 
@@ -262,7 +265,7 @@ def _try() -> _Trial:
         "a file to write": lambda: open(os.devnull, "wb").close(),
         "its parent's memory": lambda: open(f"/proc/{os.getppid()}/mem", "rb").close(),
         "a folder that is not its own": lambda: os.listdir(OWN_FOLDER),
-        "memory without bounds": lambda: bytearray(2 * WORK_BYTES),
+        "unlimited memory": lambda: bytearray(2 * WORK_BYTES),
     }
     done: list[str] = []
     for name, attempt in attempts.items():

@@ -1,8 +1,8 @@
-"""Greedy decoding with one model: prompts as tokens, one or several answers under a grammar.
+"""Greedy decoding with one model: prompts as tokens, and one or several answers under a grammar.
 
-If several answers are requested, each branches off the most likely one at a point where the
-alternative was most probable, and continues with the most likely tokens. No two are alike, and
-equal requests give equal answers. Only the worker process imports this module.
+If several answers are requested, each branches off from the most likely answer at one of the points
+where another token was most probable, and continues with the most likely tokens. All answers
+differ, and equal requests give equal answers. Only the worker process imports this module.
 """
 
 import codecs
@@ -42,14 +42,14 @@ FORMATS: dict[ChatFormat, str] = {
 """Built-in formats; a model with the format `template` has its own in the GGUF metadata."""
 
 SYSTEM, USER = "\ue000", "\ue001"
-"""The placeholders of messages while the template is rendered. A message is therefore never parsed
-as part of the template: no text can forge a control token or another role's turn."""
+"""The placeholders for messages while the template is rendered. A message is therefore never parsed
+as part of the template, so no text can forge a control token or another role's turn."""
 
 AT_ONE_PLACE = 32
 """The number of likeliest tokens considered at each place."""
 
 LONGEST = 8
-"""A number of answer tokens whose text is longer than that of any single token."""
+"""A number of answer tokens that always have more text than any single token has."""
 ROWS = 16
 """The number of tokens of the most likely answer evaluated at once; it limits the memory for
 logits."""
@@ -99,7 +99,10 @@ class ChatPrompt:
 
 
 class BranchPoint(NamedTuple):
-    """The answer's first `kept` tokens, then `token`; `chance` is their log probability."""
+    """The first `kept` tokens of the answer, followed by `token`.
+
+    `chance` is the log probability of all of them.
+    """
 
     chance: float
     kept: int
@@ -116,9 +119,10 @@ def branch_points(  # noqa: PLR0917
 ) -> list[BranchPoint]:
     """Return the `count` likeliest branches from `answer`, the likeliest first.
 
-    `rows` are the logits before each of its tokens, shape (n_vocabulary,). `matcher` is at the
-    start of the answer and is advanced along it. The first `begun` tokens and the tokens that the
-    grammar forces are kept. A token that spells the answer's own continuation is not a branch.
+    `rows` are the logits before each token of `answer`, shape (n_vocabulary,). `matcher` is at the
+    start of the answer and is advanced along it. There are no branches at the first `begun` tokens
+    and at tokens that the grammar forces. A token is not a branch if it spells the same text as the
+    answer.
     """
     branches: list[BranchPoint] = []
     """The likeliest branches so far, the least likely first."""
@@ -147,8 +151,8 @@ def _chances(
 ) -> dict[int, float]:
     """Return the log probabilities of `token` and of the most likely allowed tokens.
 
-    Tokens that cannot exceed `least` are left out without a grammar check, which is expensive
-    inside long texts, like the mask over the whole vocabulary.
+    Tokens that cannot exceed `least` are left out before the grammar is checked, because inside
+    long texts a check is expensive. So is the mask over the whole vocabulary.
     """
     likely = np.argpartition(-row, AT_ONE_PLACE)[:AT_ONE_PLACE]
     at_most = row[likely] - np.logaddexp(row[likely], row[token])
@@ -161,19 +165,19 @@ def _chances(
 
 @dataclass
 class _OpenAnswer:
-    """An answer being written; `open` until it is complete or too long."""
+    """An answer being written; `open` is True until it is complete or too long."""
 
     matcher: LLMatcher
     tokens: list[int]
     pending: list[int] = field(default_factory=list[int])
-    """The last tokens, which are not evaluated yet."""
+    """The last tokens, which have not been evaluated yet."""
     sampled: int = 1
     open: bool = True
     complete: bool = False
 
 
 class Candidates:
-    """Writes the alternative answers to `request`, the likeliest first."""
+    """A writer of alternative answers to `request`, the likeliest first."""
 
     def __init__(
         self,
@@ -191,11 +195,11 @@ class Candidates:
     def answers(
         self, sequence: int, likeliest: FinishedAnswer, begun: int
     ) -> tuple[list[str], Finish, Usage]:
-        """Write alternatives to the answer `likeliest`.
+        """Write alternatives to the answer `likeliest`; return them, with the end and the cost.
 
-        They keep its first `begun` tokens, and end at the first match of the request's regular
-        expression `stop`, if any. Incomplete answers are left out. Raises ValueError if there is no
-        room.
+        They keep the first `begun` tokens of `likeliest`, and end at the first match of the
+        request's regular expression `stop`, if any. Incomplete answers are left out. Raises
+        ValueError if the context has no room for them.
         """
         prompt, answer = likeliest.prompt, likeliest.tokens
         started = perf_counter()
@@ -250,7 +254,10 @@ class Candidates:
         return begun
 
     def _write(self, answers: list[_OpenAnswer], start: int) -> None:
-        """Extend every open answer by its next tokens, evaluating all of them at once."""
+        """Extend all open answers until they are complete, each by its next tokens at a time.
+
+        The next tokens of all answers are evaluated together.
+        """
         while running := [(n, answer) for n, answer in enumerate(answers) if answer.open]:
             rows = self._shared.extend(
                 [
@@ -278,14 +285,14 @@ class Candidates:
 
 
 class Decoder:
-    """Writes answers with one model; temperature 0, so the same prompt gives the same answer."""
+    """A writer of answers with one model, at temperature 0: equal prompts have equal answers."""
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
         self._ends = frozenset(runtime.end_tokens)
         vocabulary: Any = runtime.vocabulary
-        # `slices` are for free text and take 13 MB. Masks under our grammars are computed as fast
-        # without them.
+        # `slices` are for free text and take 13 MB. With the grammars of this project, masks are
+        # computed as fast without them.
         self._tokenizer = lltokenizer_from_vocab(
             vocabulary, eos_token=sorted(self._ends), slices=[]
         )
@@ -293,7 +300,10 @@ class Decoder:
         self.written: tuple[int, ...] = ()
         """The tokens of the last answer."""
         self.chances: tuple[Chance, ...] = ()
-        """The probabilities of the chosen tokens, unless the answer continued another one."""
+        """The probabilities of the tokens that the model chose in the last answer.
+
+        If the answer continued another one, the tokens of the other answer have none.
+        """
 
     def answer(
         self,
@@ -302,10 +312,10 @@ class Decoder:
         request: Request,
         on_text: Callable[[str], None],
     ) -> tuple[Finish, Usage]:
-        """Write the answer to `request`, whose tokens are `prompt`; pass the text on as it comes.
+        """Write the answer to `request` with the tokens `prompt`, and pass pieces to `on_text`.
 
         Repetitions are guessed from the prompt and from the request's `hint`. If the last answer in
-        `sequence` was to this prompt and its text is `begun`, the new answer continues it. Returns
+        `sequence` was to this prompt and has the text `begun`, the new answer continues it. Returns
         the reason for the end, and the cost. Raises ValueError if the grammar (lark) is not valid,
         or if prompt and answer do not fit in the context.
         """
@@ -332,12 +342,13 @@ class Decoder:
     def several(
         self, sequence: int, prompt: Sequence[int], request: Request
     ) -> tuple[list[str], Finish, Usage]:
-        """Write the answers to `request` other than the most likely one, all in one batch.
+        """Write alternatives to the most likely answer to `request`, all in one batch.
 
-        Complete answers are returned, most likely first. They keep the beginning `begun` of the
-        most likely answer, and diverge from it before the end of its longer beginning `within`, if
-        given. Each ends at the first match of the regular expression `stop`, if any. Raises
-        ValueError as `answer` does.
+        Complete answers are returned, the likeliest first, with the reason for the end and the
+        cost. They keep the beginning `begun` of the most likely answer. If the longer beginning
+        `within` is given, they diverge from the most likely answer before the end of it. Each ends
+        at the first match of the regular expression `stop`, if any. Raises ValueError as `answer`
+        does.
         """
         last = self._last.get(sequence)
         if last is None or last.prompt != list(prompt):
@@ -352,8 +363,8 @@ class Decoder:
         if within and last.text.startswith(within):
             last = replace(last, tokens=last.tokens[: last.within(within, self._tokenizer)])
         room = len(prompt) + request.count * request.max_tokens
-        # It is created in 30 ms and freed at once, because it takes more memory than any other
-        # context.
+        # The shared context is created in 30 ms. It is freed at once, because it takes more memory
+        # than any other context.
         with closing(SharedContext(self._runtime, request.count, room)) as shared:
             several = Candidates(self._runtime, shared, self._tokenizer, self._ends, request)
             return several.answers(sequence, last, kept)
@@ -362,6 +373,6 @@ class Decoder:
         room = self._runtime.n_ctx - max_tokens
         if len(prompt) > room:
             raise ValueError(
-                f"the prompt has {len(prompt)} tokens and at most {room} fit beside an answer of "
+                f"the prompt has {len(prompt)} tokens, but at most {room} fit beside an answer of "
                 f"{max_tokens} in the model's context of {self._runtime.n_ctx}: shorten the mission"
             )

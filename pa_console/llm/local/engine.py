@@ -1,4 +1,4 @@
-"""The local LLM: an asyncio engine that keeps one worker process and sends prompts to it."""
+"""The engine of a local model: it keeps one worker process and sends prompts to it (asyncio)."""
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
@@ -39,11 +39,11 @@ LOAD_LIMIT_S = 300.0
 SLOWED = "the machine is busy with other work, so answers take longer"
 DIED = "the model's process died; it is started again when it is needed"
 DIED_LOADING = (
-    "the model's process died while it loaded {path}; if that happens again, the file is damaged "
-    "or made to do harm: fetch it again, or choose another model"
+    "the model's process died while it loaded {path}; if this happens again, the file is damaged "
+    "or malicious: fetch it again, or choose another model"
 )
 GRACE_S = 1.0
-"""Seconds for a worker to stop before it is killed."""
+"""The time that a worker has to stop before it is killed, in seconds."""
 
 OnState = Callable[[WorkerState, str], None]
 
@@ -71,12 +71,12 @@ class SessionEngine(Protocol):
 
     @property
     def sampler(self) -> str:
-        """The sampling of answers, for the session log."""
+        """The sampling settings of the engine, as written to the session log."""
         ...
 
     @property
     def state(self) -> WorkerState:
-        """The present state."""
+        """The current state of the engine."""
         ...
 
     @property
@@ -93,11 +93,11 @@ class SessionEngine(Protocol):
         ...
 
     def kill_worker(self) -> None:
-        """Kill the model's process for fault injection."""
+        """Kill the model's process, to inject a fault."""
         ...
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Evaluate the beginning of prompts of `role` ahead."""
+        """Evaluate the beginning of the prompts of `role` in advance."""
         ...
 
     def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
@@ -107,9 +107,9 @@ class SessionEngine(Protocol):
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """The facts of a model for the session log; `n_ctx` is exact once the engine is ready.
+    """The facts about a model for the session log; `n_ctx` is exact once the engine is ready.
 
-    `adapters` has the SHA-256 of every adapter by file name.
+    `adapters` has the SHA-256 of every adapter by the name of its file.
     """
 
     name: str
@@ -121,7 +121,7 @@ class ModelInfo:
 
 
 class Engine:
-    """Answers prompts, one at a time; `on_state` is called for every change of state."""
+    """An engine that answers prompts, one at a time; `on_state` is called at each new state."""
 
     def __init__(
         self,
@@ -145,8 +145,8 @@ class Engine:
             if reader
             else None
         )
-        """The engine of the second reader; it is started when first needed. It reads ahead only
-        while no caller waits for this engine."""
+        """The engine of the second reader, which is started when it is first needed. It reads ahead
+        only while no caller waits for this engine."""
         n_ctx = n_ctx or model.n_ctx
         adapters = {adapter.path.name: adapter.sha256 for adapter in model.adapters}
         self.info = ModelInfo(
@@ -173,7 +173,7 @@ class Engine:
         self.busy = False
         """True while the worker is answering a prompt."""
         self._urgent = 0
-        """The number of prompts with a waiting caller, both queued and being answered."""
+        """The number of prompts that a caller waits for, both queued and being answered."""
         self._interruptible = False
         """True if an urgent prompt may interrupt the current one."""
         self._unreported = False
@@ -195,13 +195,13 @@ class Engine:
 
     @property
     def pid(self) -> int | None:
-        """The process id of the running worker, or None."""
+        """The process id of the running worker; None if no worker is running."""
         return None if self._worker is None or self._worker.ended else self._worker.pid
 
     async def start(self) -> None:
         """Start loading the model and return at once.
 
-        If it was started before `on_state` was set, `on_state` gets its present state.
+        If the state changed before `on_state` was set, `on_state` is called with the current state.
         """
         self._closed = False
         if self.second_reader is not None:
@@ -228,17 +228,16 @@ class Engine:
             self._worker.interrupt()
 
     def kill_worker(self) -> None:
-        """Kill the model's process for fault injection; it is started again when needed."""
+        """Kill the model's process, to inject a fault; it is started again when needed."""
         if self._worker is not None:
             self._worker.strike()
 
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Yield the answer to `request` in pieces, then one GenerationEnd.
 
-        A request that `yields` ends as `cancelled` as soon as another request arrives, and at once
-        if another one is waiting. Raises ModelUnavailableError if the model cannot be loaded,
-        PromptRefusedError if the prompt does not fit, and EngineDiedError if the worker ended
-        during the request.
+        A request that `yields` ends as `cancelled` as soon as a caller waits for another request.
+        Raises ModelUnavailableError if the model cannot be loaded, PromptRefusedError if the prompt
+        does not fit, and EngineDiedError if the worker ended during the request.
         """
         urgent = not request.yields
         self._urgent += urgent
@@ -259,10 +258,10 @@ class Engine:
             self.cancel()
 
     async def warm(self, role: Role, system: str, user: str = "") -> None:
-        """Evaluate the beginning of prompts of `role` ahead; a real prompt interrupts this.
+        """Evaluate the beginning of the prompts of `role` in advance.
 
-        The evaluated part is kept, so an interrupted warm-up is not lost. Failures appear in
-        `state`.
+        A prompt that a caller waits for interrupts this. The evaluated part is kept, so the work is
+        not lost. Failures are reported in `state`.
         """
         beginning = Request(role, system, user, WARM_GRAMMAR, 1, LOAD_LIMIT_S, yields=True)
         with suppress(EngineError):
@@ -270,7 +269,7 @@ class Engine:
                 pass
 
     async def _generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
-        """Wait for the turn and for the model, then send the prompt."""
+        """Wait until earlier prompts are answered and the model is loaded, then send the prompt."""
         async with self._turn:
             self._stop.clear()
             if request.yields and self._urgent:
@@ -291,7 +290,10 @@ class Engine:
                 worker.send(Cancel(id=self._number))
 
     async def _living_worker(self) -> Worker:
-        """Return the worker, started if needed; cancelling the caller does not stop the start."""
+        """Return the worker, and start it if necessary.
+
+        If the caller is cancelled, the worker starts nevertheless.
+        """
         if self._closed:
             raise ModelUnavailableError("the engine is closed")
         self._birth = asyncio.ensure_future(self._spawned())
@@ -305,7 +307,7 @@ class Engine:
             return self._worker
 
     async def _loaded(self, worker: Worker) -> bool:
-        """Wait until the model is loaded; return False if cancelled meanwhile."""
+        """Wait until the model is loaded; return False if the request is cancelled meanwhile."""
         name = self.model.name
         stop = asyncio.ensure_future(self._stop.wait())
         try:
@@ -328,9 +330,9 @@ class Engine:
     async def _exchange(
         self, worker: Worker, number: int, request: Request
     ) -> AsyncGenerator[str | GenerationEnd]:
-        """Send `request` and pass on the worker's messages until the answer ends or is too late."""
+        """Send `request`, and yield the answer until it ends or its deadline passes."""
         worker.send(
-            # The worker uses the grammar: the schema is for servers, and may be long.
+            # The worker uses the grammar. The schema is for servers and may be long.
             Generate(id=number, request=replace(request, schema=None))
         )
         started = perf_counter()
@@ -375,7 +377,7 @@ class Engine:
         return f"model {self.model.name} cannot be used: {error}"
 
     def _report_slowed(self, slowed: bool) -> None:
-        """Report that answers are slow because the machine is busy, or that they no longer are."""
+        """Report when answers become slow because the machine is busy, and when this ends."""
         if slowed != self._slowed:
             self._slowed = slowed
             if slowed:
@@ -391,7 +393,7 @@ class Engine:
     def _become_ready(self) -> None:
         """Report that the model is loaded, and any restrictions that do not hold."""
         if self._unconfined:
-            self._change("unconfined", f"{self.model.name}; what does not hold: {self._unconfined}")
+            self._change("unconfined", f"{self.model.name}; not enforced: {self._unconfined}")
         else:
             self._change("ready", self.model.name)
 

@@ -1,4 +1,4 @@
-"""The messages between the engine and its worker process: a JSON object on each line."""
+"""The messages between the engine and its worker process, each a line with a JSON object."""
 
 from typing import Annotated, Literal
 
@@ -19,8 +19,8 @@ class PinnedFile(StrictModel):
 class Load(StrictModel):
     """The first message to a worker: the model, its adapters, and the context `n_ctx` per role.
 
-    The worker uses at most `threads` threads, and fewer if the machine is busy, unless they are
-    `fixed`. With `require_sandbox`, nothing is loaded unless every restriction holds.
+    The worker uses at most `threads` threads. It uses fewer if the machine is busy, unless the
+    number is `fixed`. With `require_sandbox`, nothing is loaded unless every restriction holds.
     """
 
     op: Literal["load"] = "load"
@@ -34,7 +34,7 @@ class Load(StrictModel):
 
 
 class Generate(StrictModel):
-    """A request to answer a prompt; ids increase."""
+    """A request to answer a prompt; each request has a higher id than the one before."""
 
     op: Literal["generate"] = "generate"
     id: int
@@ -49,10 +49,10 @@ class Cancel(StrictModel):
 
 
 class Ready(StrictModel):
-    """The model is loaded; `n_ctx` is the actual context of each role.
+    """The message that the model is loaded; `n_ctx` is the actual context size for each role.
 
-    `unconfined` lists the restrictions that do not hold for the process, with reasons; it is empty
-    if all hold.
+    `unconfined` lists the restrictions that do not hold for the process, with the reasons; it is
+    empty if all hold.
     """
 
     op: Literal["ready"] = "ready"
@@ -62,14 +62,14 @@ class Ready(StrictModel):
 
 
 class LoadFailed(StrictModel):
-    """The model cannot be loaded; the worker ends after this."""
+    """The message that the model cannot be loaded; the worker then ends."""
 
     op: Literal["load_failed"] = "load_failed"
     error: str
 
 
 class TextPiece(StrictModel):
-    """More text of generation `id`."""
+    """A piece of the text of generation `id`."""
 
     op: Literal["piece"] = "piece"
     id: int
@@ -77,10 +77,11 @@ class TextPiece(StrictModel):
 
 
 class Done(StrictModel):
-    """Generation `id` has ended, and all its text has been sent.
+    """The message that generation `id` has ended, sent after all of its text.
 
-    `texts` has the complete answers if several were requested, `chances` the token probabilities of
-    a single answer. `slowed` is True if other work on the machine delayed it.
+    `texts` has the complete answers if several were requested; `chances` has the token
+    probabilities of a single answer. `slowed` is True if other work on the machine makes answers
+    slow.
     """
 
     op: Literal["done"] = "done"
@@ -93,7 +94,7 @@ class Done(StrictModel):
 
 
 class GenerationFailure(StrictModel):
-    """Generation `id` could not begin, or failed."""
+    """The message that generation `id` could not begin, or failed."""
 
     op: Literal["refused"] = "refused"
     id: int

@@ -1,8 +1,8 @@
 """A loaded GGUF model with a context for every role; evaluation can be interrupted.
 
-Only the worker process imports this module. It uses llama.cpp's C API, because the high-level class
-has a single sequence, cannot be interrupted, and hides the logits (`logits_all` was measured to
-need gigabytes).
+Only the worker process imports this module. It uses llama.cpp's C API, because the high-level
+Python class has a single sequence, cannot be interrupted, and does not give access to the logits
+(the option `logits_all` was measured to need gigabytes).
 """
 
 import ctypes
@@ -19,43 +19,48 @@ from pa_console.llm.local.threads import FreeCores
 _api: Any = llama_cpp
 
 CHUNK, SHARED_CHUNK = 64, 16
-"""The number of tokens of a prompt, or of several continuations of it, evaluated at once."""
+"""The number of tokens evaluated at once, of a prompt or of several continuations of a prompt."""
 GROUP = 16
 """The number of tokens in a group. The cache is reused in whole groups; a chunk has several groups.
-llama.cpp computes a single token in a different order than several. It may also compute up to 16
-tokens together, and the remaining ones, in different orders. Since every batch begins at a whole
-group, and no batch has a single token, each token is evaluated exactly as in a new context: an
-answer never depends on earlier prompts."""
+
+llama.cpp computes a single token in a different order than several tokens, and may compute groups
+of 16 tokens in a different order than the remaining tokens. Every batch begins at the start of a
+group, and no batch has a single token. Therefore, each token is evaluated exactly as in a new
+context, and an answer never depends on earlier prompts.
+"""
 
 ROOM = 256
-"""The number of tokens of which context sizes are multiples. llama.cpp attends to this many at
-once, so the size of a context does not affect its answers."""
+"""The number of tokens of which every context size is a multiple. llama.cpp attends to this many
+tokens at once, so the size of a context does not affect its answers."""
 
 LEAST_ROOM = 2 * ROOM
 """The context size that suffices for the prompt and answer of most missions."""
 
 WHOLE_ATTENTION = llama_cpp.LLAMA_FLASH_ATTN_TYPE_DISABLED
-"""The setting that disables flash attention. Flash attention splits long contexts among threads, so
-that the logits of a single token depend on the number of threads, by 0.2 and more. Without it they
-are identical, and it is no slower here (135M weights, two cores: 23 ms per token, 0.32 s instead of
-0.41 s for 64 in batches)."""
+"""The setting that disables flash attention.
+
+Flash attention splits long contexts among threads. Therefore, the logits of a single token depend
+on the number of threads, with differences of 0.2 and more. Without flash attention, the logits are
+identical, and evaluation is not slower (with 135M weights on two cores: 23 ms per single token in
+both cases, and 0.32 s instead of 0.41 s for 64 tokens in batches).
+"""
 
 ABORTED = 2
-"""The result of llama_decode after the abort callback stopped it."""
+"""The result of llama_decode if the abort callback stopped it."""
 
 _give_back: Any = (
     getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
 )
-"""Returns unused memory within the heap to the system; only glibc has it."""
+"""The function that returns unused memory of the heap to the system; only glibc has it."""
 
 State = ctypes.Array[ctypes.c_uint8]
-"""The state of a sequence in a context; it has megabytes and is never copied."""
+"""The state of a sequence in a context. It is never copied, because it has megabytes."""
 
 Piece = tuple[int, int, Sequence[int]]
 """A continuation's number, the position of its first new token, and the new tokens."""
 
 Placed = tuple[int, int, int, bool]
-"""A token to evaluate: sequence, position, token, and whether its logits are needed."""
+"""A token to evaluate: its sequence, its position, the token, and whether its logits are needed."""
 
 
 class AdapterSwitch:
@@ -68,7 +73,7 @@ class AdapterSwitch:
         self._active: dict[int, Any] = {}
 
     def use(self, context: Any, sequence: int) -> None:
-        """Select the adapter of `sequence` for `context`, or none if it has none."""
+        """Select the adapter of `sequence` for `context`; without one, no adapter is used."""
         adapter = self._adapters.get(sequence)
         if self._active.get(context) == adapter:
             return
@@ -80,7 +85,7 @@ class AdapterSwitch:
         self._active[context] = adapter
 
     def forget(self, context: Any) -> None:
-        """Forget a context that is freed, because the next one may have the same address."""
+        """Forget a context that is freed, because a later context may have the same address."""
         self._active.pop(context, None)
 
 
@@ -99,7 +104,7 @@ def _no_log(_level: int, _text: bytes, _data: object) -> None:
 
 
 class InterruptedEvaluationError(Exception):
-    """An evaluation that the `stopped` callback has stopped."""
+    """The error of an evaluation that the `stopped` callback has stopped."""
 
 
 class _LlamaContext:
@@ -192,9 +197,9 @@ class SharedContext:
         self._context.free()
 
     def adopt(self, state: State, lengths: Sequence[int], sequence: int) -> None:
-        """Start continuations of `state`, which `sequence` has evaluated, with their first tokens.
+        """Copy the first tokens of `state`, which `sequence` has evaluated, to each continuation.
 
-        `lengths` has the number of those tokens for each continuation.
+        `lengths` has the number of tokens that each continuation keeps.
         """
         memory = self._context.memory
         self._adapters.use(self._context.handle, sequence)
@@ -208,7 +213,7 @@ class SharedContext:
     def extend(self, pieces: Sequence[Piece]) -> list[NDArray[np.float32]]:
         """Evaluate the new tokens of every piece; return the logits after each piece's last token.
 
-        Raises InterruptedEvaluationError.
+        Raises InterruptedEvaluationError if the evaluation is stopped.
         """
         flat = [
             (number, position + offset, token, offset == len(tokens) - 1)
@@ -226,7 +231,7 @@ class SharedContext:
 
 
 def prompt_chunks(tokens: Sequence[int]) -> Iterator[Sequence[int]]:
-    """Yield `tokens` in chunks; none has a single token, unless there is only one."""
+    """Yield `tokens` in chunks of more than one token, unless there is only one token."""
     start = 0
     while start < len(tokens):
         left = len(tokens) - start
@@ -238,9 +243,10 @@ def prompt_chunks(tokens: Sequence[int]) -> Iterator[Sequence[int]]:
 class Runtime:
     """One model and its sequences; each has its own context of at most `n_ctx` tokens.
 
-    Contexts are created when first needed, and grow. Prompts of other sequences never affect an
-    answer, and no adapter is switched, which would cost 3 ms at every change of role. `stopped` is
-    called between operations of the compute graph, about every millisecond.
+    Contexts are created when they are first needed, and grow. Because each sequence has its own
+    context, prompts of other sequences never affect an answer, and a change of role does not switch
+    adapters, which would take 3 ms. `stopped` is called between operations of the compute graph,
+    about every millisecond.
     """
 
     def __init__(
@@ -256,7 +262,7 @@ class Runtime:
         """Load the file at `path`; raises ValueError if llama.cpp cannot load it.
 
         `cores` supplies the number of threads; `adapters` has the path of each sequence's adapter,
-        if any. A `mapped` file is shared with other processes that load it.
+        if any. If `mapped`, the file is shared with other processes that load it.
         """
         _api.llama_log_set(_no_log, None)
         _api.llama_backend_init()
@@ -320,7 +326,7 @@ class Runtime:
         return bool(_api.llama_vocab_get_add_bos(self.vocabulary))
 
     def tokenise(self, text: str, *, special: bool) -> list[int]:
-        """Return the tokens of `text`; control tokens are recognized only if `special`."""
+        """Return the tokens of `text`; control tokens are recognized only if `special` is True."""
         data = text.encode("utf-8")
         size = len(data) + 8
         tokens = (_api.llama_token * size)()
@@ -333,7 +339,7 @@ class Runtime:
         """Evaluate `prompt` from the start of `sequence`.
 
         Returns the logits after its last token, shape (n_vocabulary,), and the number of tokens
-        that were in the cache. Raises InterruptedEvaluationError.
+        that were already in the cache. Raises InterruptedEvaluationError if it is stopped.
         """
         self._make_room(sequence, len(prompt))
         cached = self._cached.get(sequence, [])
@@ -360,7 +366,7 @@ class Runtime:
     ) -> NDArray[np.float32]:
         """Evaluate `tokens` of an answer at `position`.
 
-        Returns the logits after the last `rows` of them, shape (rows, n_vocabulary).
+        Returns the logits after the last `rows` tokens, shape (rows, n_vocabulary).
         """
         self._make_room(sequence, position + len(tokens))
         early = max(0, len(tokens) - max(CHUNK, rows))
@@ -370,7 +376,7 @@ class Runtime:
         return np.stack([self._contexts[sequence].logits(row - rows) for row in range(rows)])
 
     def keep(self, sequence: int, tokens: int, trim: bool) -> None:
-        """Drop the evaluated tokens of `sequence` after the first `tokens`, if `trim`."""
+        """If `trim`, drop all evaluated tokens of `sequence` after the first `tokens`."""
         if trim:
             _api.llama_memory_seq_rm(self._contexts[sequence].memory, 0, tokens, -1)
 
@@ -387,7 +393,7 @@ class Runtime:
         context = _LlamaContext(self, room, CHUNK)
         self.adapters.use(context.handle, sequence)
         if old is not None:
-            context.restore(old.state(), "what was evaluated does not fit into a larger context")
+            context.restore(old.state(), "the evaluated tokens do not fit into a larger context")
             self.adapters.forget(old.handle)
             old.free()
         self._contexts[sequence] = context

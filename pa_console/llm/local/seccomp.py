@@ -1,9 +1,9 @@
-"""A seccomp filter for a computing process: no network, no other program, no change to files.
+"""A seccomp filter for a computing process: no network, no other programs, no changes to files.
 
 The filter is a small program that the kernel runs at every system call (Linux, x86-64 and ARM64).
-Once installed, it cannot be removed. It is an allow list: to the process, a call that is not listed
-does not exist, as on an older kernel. The list has the calls that Python and llama.cpp were
-observed to make, and those that versions of the C library make in their place.
+Once installed, it cannot be removed. It is an allow list: a call that is not listed fails as if it
+did not exist, as on an older kernel. The list has the calls that Python and llama.cpp were observed
+to make, and the calls that other versions of the C library make instead of them.
 
 libseccomp could write the same program, but it is not a Python package and would have to be
 installed on the machine.
@@ -18,36 +18,36 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 LOAD, EQUAL, AT_LEAST, ANY_BIT, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
-"""Opcodes of classic BPF: load a word, three jumps that compare it with a constant, return."""
+"""Opcodes of classic BPF: load a word, three jumps that compare it with a constant, and return."""
 
 ALLOW, FAIL = 0x7FFF0000, 0x00050000
 NUMBER_AT, ARCHITECTURE_AT, ARGUMENTS_AT = 0, 4, 16
-"""The offsets in `struct seccomp_data`; the low half of an argument comes first."""
+"""The offsets in `struct seccomp_data`. Each argument has 64 bits, with the low half first."""
 
 SET_FILTER, ALL_THREADS, KEEP_SPECULATION = 1, 1, 4
-"""The call's operation and flags. The CPU's speculation stays as it is, because disabling it would
-slow the model's arithmetic."""
+"""The operation and the flags of the call `seccomp`. The CPU's speculation stays as it is, because
+disabling it would slow the model's arithmetic."""
 
 SET_NO_NEW_PRIVILEGES = 38
 X32 = 0x40000000
-"""The first call number of a second ABI of x86-64, which nothing here uses."""
+"""The first call number of x32, a second ABI of x86-64 that the process does not use."""
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 NEW_THREAD = 0x00010000
-"""The flag of `clone` for a thread; without it, `clone` makes a process."""
+"""The flag of `clone` that makes a thread; without it, `clone` makes a process."""
 WRITE, EXECUTE, ANONYMOUS = 2, 4, 0x20
-"""Memory protections, and the flag of memory without a file."""
+"""Two memory protections, and the flag for memory without a file."""
 NAMES_OF_THREADS = (15, 16)
 """Options of `prctl` that set and get a thread's name."""
 OF_DESCRIPTORS = (0, 1, 2, 3, 1030)
-"""Commands of `fcntl` that duplicate a descriptor or read its flags; none of them enables signals.
-"""
+"""The commands of `fcntl` that duplicate a descriptor, read its flags, or set whether it is closed
+at `exec`. None of them enables signals."""
 OF_FILES = (0x5401, 0x5450, 0x5451)
 """Requests of `ioctl`: the settings of a terminal, and whether a file is closed at `exec`."""
 
 
 class SystemCall(NamedTuple):
-    """A system call with its numbers on x86-64 and ARM64; None if it does not exist there."""
+    """A system call with its numbers on x86-64 and ARM64, or None where it does not exist."""
 
     name: str
     x86_64: int | None
@@ -114,13 +114,13 @@ PRCTL, FCNTL, IOCTL = (
     SystemCall("ioctl", 16, 29),
 )
 PIN = SystemCall("sched_setaffinity", 203, 122)
-"""Binds threads to cores, including those of other processes. It is allowed only if the environment
-asks for bound threads."""
+"""The call that binds threads to cores, including threads of other processes. It is allowed only if
+the environment variables bind threads."""
 
 
 @dataclass(frozen=True)
 class CpuKind:
-    """The facts of a CPU kind for a filter; `seccomp` is the number of the call `seccomp`."""
+    """A kind of CPU: its name, its audit number, and the number of the call `seccomp`."""
 
     name: str
     audit: int
@@ -149,30 +149,30 @@ class Instruction(ctypes.Structure):
 
 
 class _Program(ctypes.Structure):
-    """`struct sock_fprog`."""
+    """A program of classic BPF, `struct sock_fprog`."""
 
     _fields_ = [("length", ctypes.c_uint16), ("first", ctypes.POINTER(Instruction))]
 
 
 def restrict(*, pinned: bool = False) -> str:
-    """Install the filter for every thread of this process; return why that failed, or ''.
+    """Install the filter for every thread of this process; return why it failed, or ''.
 
-    With `pinned`, threads may be bound to cores. From then on no thread can gain privileges either,
-    because the kernel requires that first.
+    If `pinned`, threads may be bound to cores. From then on, no thread can gain privileges, because
+    the kernel accepts the filter only on this condition.
     """
     machine = MACHINES.get(os.uname().machine) if sys.platform == "linux" else None
     if machine is None or sys.maxsize < 1 << 32 or sys.byteorder != "little":
-        return "no filter of system calls for this system"
+        return "system calls cannot be filtered on this system"
     library = ctypes.CDLL(None, use_errno=True)
     if library.prctl(SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0) != 0:
-        return f"the kernel keeps no privileges out: {os.strerror(ctypes.get_errno())}"
+        return f"the kernel cannot forbid new privileges: {os.strerror(ctypes.get_errno())}"
     code = program(machine, os.getpid(), pinned=pinned)
     array = (Instruction * len(code))(*code)
     whole = _Program(len(code), array)
     for flags in (ALL_THREADS | KEEP_SPECULATION, ALL_THREADS):
         if library.syscall(machine.seccomp, SET_FILTER, flags, ctypes.byref(whole)) == 0:
             return ""
-    return f"the kernel takes no filter of system calls: {os.strerror(ctypes.get_errno())}"
+    return f"the kernel refuses the filter of system calls: {os.strerror(ctypes.get_errno())}"
 
 
 def program(machine: CpuKind, pid: int, *, pinned: bool = False) -> list[Instruction]:
@@ -211,7 +211,7 @@ def program(machine: CpuKind, pid: int, *, pinned: bool = False) -> list[Instruc
 def _by_argument(
     machine: CpuKind, call: SystemCall, argument: int, test: Sequence[Instruction]
 ) -> list[Instruction]:
-    """Return instructions that decide on `call` by the low half of an argument."""
+    """Return instructions that decide on `call` by the low half of its argument `argument`."""
     number = machine.number(call)
     if number is None:
         return []
@@ -220,7 +220,7 @@ def _by_argument(
 
 
 def _one_of(values: Sequence[int]) -> list[Instruction]:
-    """Return instructions that allow only these values."""
+    """Return instructions that allow only `values`."""
     tests = [(Instruction(EQUAL, 0, 1, value), _return(ALLOW)) for value in values]
     return [*(step for test in tests for step in test), _fail(errno.EACCES)]
 

@@ -1,9 +1,10 @@
-"""The number of the model's threads: as many as there are cores that no other program uses.
+"""The number of threads for the model: one for each core that no other program uses.
 
-llama.cpp's threads share every operation and wait for each other after it, one to two thousand
-times per plan. If one of them shares its core, the scheduler suspends it for milliseconds, and all
-others wait: two threads beside one busy process are slower than one thread with a core to itself.
-The model's answers do not depend on the number of threads (see `runtime`).
+llama.cpp's threads share the work of every operation and then wait for each other, one to two
+thousand times per plan. If another process uses the core of one thread, the scheduler suspends this
+thread for milliseconds, and all other threads wait. Therefore, on two cores of which one is busy,
+two threads are slower than one thread. The model's answers do not depend on the number of threads
+(see `runtime`).
 """
 
 import os
@@ -17,38 +18,47 @@ TOPOLOGY = Path("/sys/devices/system/cpu")
 STATISTICS = Path("/proc/stat")
 FEW_TOKENS = 16
 FEW_CORES = 4
-"""The largest number of cores that are all used for small batches."""
+"""The largest number of cores of which all are used for small batches."""
 
 LOOK_S = 0.1
-"""Seconds between two measurements of the cores' load, which the system counts in hundredths."""
+"""The time between two measurements of the cores' load, in seconds. The system counts the load in
+hundredths of a second."""
 
 PAUSE_S = 0.02
-"""Seconds without an evaluation after which other programs may have used the cores."""
+"""The pause between evaluations after which other programs may have used the cores, in seconds."""
 
 NEARLY = 0.5
-"""The largest share of a core that other programs, including the console itself, may use if the
-core counts as free.
+"""The largest share of a core that other programs may use while the core still counts as free. The
+console itself is one of these programs.
 """
 
 SHORT = 0.65
-"""The share of their computing time below which threads count as suspended."""
+"""The share of an evaluation's time for which threads compute; below it, they count as suspended.
+"""
 
 BRIEF_S = 0.004
 """The shortest evaluation that shows whether threads were suspended, in seconds."""
 
 PATIENCE_S = (LOOK_S, 2.0)
-"""Seconds to wait before trying more threads again after the system reported free cores but threads
-were suspended: first and longest. The wait doubles each time."""
+"""The first and the longest wait before more threads are tried again, in seconds.
+
+The wait begins if threads are suspended although the system reports free cores. It doubles each
+time.
+"""
 
 TELLING_S = 0.5
-"""Seconds of evaluations that are needed to decide whether the machine is busy."""
+"""The evaluation time that is needed to decide whether the machine is busy, in seconds."""
 
 BUSY_SHARE = 0.8
-"""The share of evaluation time under other load above which answers count as slowed."""
+"""The share of evaluation time that is slowed by other programs; above it, answers count as slowed.
+"""
 
 
 def physical_cores() -> int:
-    """Return the number of physical cores open to this process, or logical ones if unknown."""
+    """Return the number of physical cores that this process may use.
+
+    If it is unknown, the number of logical cores is returned.
+    """
     if not hasattr(os, "sched_getaffinity"):
         return os.cpu_count() or 1
     allowed = os.sched_getaffinity(0)
@@ -63,30 +73,30 @@ def physical_cores() -> int:
 
 
 def decoding_threads(cores: int) -> int:
-    """Return the number of `cores` to use for one token at a time.
+    """Return how many of `cores` to use for one token at a time.
 
-    A prompt is computed on every core. Small batches are limited by memory, not by arithmetic: on a
-    machine with many cores, half of them saturate the memory, and the other half is left to the
-    console.
+    A prompt is computed on every core. The speed of small batches is limited by memory, not by
+    arithmetic. On a machine with many cores, half of the cores saturate the memory, so the other
+    half is left to the console.
     """
     return max(min(cores, FEW_CORES), cores // 2)
 
 
 def batch_threads(cores: int, tokens: int) -> int:
-    """Return the number of `cores` to use for `tokens` at once."""
+    """Return how many of `cores` to use for a batch of `tokens`."""
     return cores if tokens > FEW_TOKENS else decoding_threads(cores)
 
 
 def idle_seconds() -> float | None:
-    """Return the idle time of the cores open to this process since the machine started.
+    """Return the idle time of the cores that this process may use since the machine started.
 
-    It is the sum over all cores, in seconds; None if the system does not report it.
+    It is the sum over these cores, in seconds; None if the system does not report it.
     """
     try:
         lines = STATISTICS.read_text("ascii").splitlines()
         cores = [line.split() for line in lines if re.match(r"cpu\d", line)]
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
-        # Columns 4 and 5 are the time without work and the time of waiting for a disk.
+        # Columns 4 and 5 are the idle time and the time spent waiting for a disk.
         ticks = sum(int(c[4]) + int(c[5]) for c in cores if c[0] in allowed)
         return ticks / os.sysconf("SC_CLK_TCK")
     except (OSError, ValueError, IndexError, AttributeError):
@@ -121,7 +131,7 @@ class FreeCores:
 
     @contextmanager
     def evaluating(self, tokens: int) -> Generator[int]:
-        """Yield the number of threads for evaluating `tokens` in the block; record the speed."""
+        """Yield the number of threads with which the block evaluates `tokens`; record the speed."""
         now = self._now()
         paused = now - self._ended >= PAUSE_S
         if not self._fixed and (paused or now - self._looked[0] >= LOOK_S):
@@ -135,7 +145,7 @@ class FreeCores:
             self._note(threads, seconds, (self._computed() - computed) / (seconds * threads))
 
     def busy(self) -> bool:
-        """Return whether other work slows evaluations, judged by at least TELLING_S of them."""
+        """Return whether other work slows evaluations; a new result needs TELLING_S of them."""
         if self._whole_s >= TELLING_S:
             self._was_busy = self._busy_s > BUSY_SHARE * self._whole_s
             self._busy_s = self._whole_s = 0.0
@@ -145,9 +155,10 @@ class FreeCores:
         return self._now(), self._computed(), self._idle()
 
     def _follow(self, *, paused: bool) -> None:
-        """Use the cores that were idle since the last measurement or used by this process.
+        """Use the cores that were idle, or used by this process, since the last measurement.
 
-        Load from others during a pause does not reduce the number: it may end with the pause.
+        Load from other programs during a pause does not reduce the number of cores, because the
+        load may end with the pause.
         """
         (then, before, idle_then), self._looked = self._looked, self._look()
         now, computed, idle = self._looked
@@ -163,7 +174,7 @@ class FreeCores:
             self.count = free
 
     def _note(self, threads: int, seconds: float, share: float) -> None:
-        """Record an evaluation; use fewer threads if they got too small a `share` of time."""
+        """Record an evaluation; use fewer threads if they computed for a small `share` of it."""
         put_aside = share < SHORT and seconds >= BRIEF_S
         self._whole_s += seconds
         if put_aside or self.count < self._most:

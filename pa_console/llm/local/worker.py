@@ -1,8 +1,8 @@
 """The process that runs the model: it reads requests on stdin and writes answers on stdout.
 
-Only this process imports llama.cpp and llguidance. It ignores Ctrl-C (its parent decides), ends at
-once when its parent has ended, and prints nothing to the terminal. It loads only files with the
-hashes that its parent names, and first gives up all access that it does not need (see
+Only this process imports llama.cpp and llguidance. It ignores Ctrl-C, which its parent handles, and
+prints nothing to the terminal. It ends as soon as its parent has ended. It loads only files with
+the hashes that its parent names. Before that, it gives up all access that it does not need (see
 `confinement`).
 """
 
@@ -43,11 +43,12 @@ if TYPE_CHECKING:
     from pa_console.llm.local.decoding import ChatPrompt, Decoder
 
 SEQUENCES: dict[Role, int] = {"planner": 0, "judge": 1, "outcome": 2}
-"""The sequence of each role. Each has its own KV cache, so its fixed prompt is evaluated once."""
+"""The sequence of each role. Each sequence has its own KV cache, so that the fixed part of a role's
+prompts is evaluated once."""
 
 
 class Inbox:
-    """Reads the parent's messages in a thread, so that a cancel is noticed while the model runs."""
+    """A reader of the parent's messages; its thread notices a cancel while the model runs."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self.requests: SimpleQueue[Generate] = SimpleQueue()
@@ -73,7 +74,7 @@ class Inbox:
 def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> None:
     """Load a model, then answer requests one after another.
 
-    `reading` is the restriction that was put on the process before it had threads.
+    `reading` is the restriction that was set before the process started its first thread.
     """
 
     def send(message: StrictModel) -> None:
@@ -104,8 +105,8 @@ def serve(load: Load, inbox: Inbox, outbox: IO[bytes], reading: Restriction) -> 
             cores=cores,
             stopped=inbox.stopped,
             adapters={SEQUENCES[role]: files[pin].route for role, pin in load.adapters.items()},
-            # llama.cpp copies most quantised weights into another layout: a mapped file would stay
-            # in memory beside the copy.
+            # llama.cpp copies most quantised weights into another layout, and a mapped file would
+            # stay in memory beside the copy.
             mapped=not quantised,
         )
         chat, decoder = ChatPrompt(runtime, load.chat), Decoder(runtime)
@@ -137,13 +138,13 @@ def _open(pins: Iterable[PinnedFile]) -> dict[PinnedFile, CheckedFile]:
 
 
 def _check(files: Iterable[CheckedFile]) -> None:
-    """Raise ValueError if a file in use has changed; takes 10 µs."""
+    """Raise ValueError if a file in use has changed; this takes 10 µs."""
     for file in files:
         file.check()
 
 
 def _in_words(error: Exception, files: Iterable[CheckedFile]) -> str:
-    """Return the error with the descriptors of files replaced by their names."""
+    """Return the text of an error, with the names of files instead of their descriptors."""
     text = str(error) or type(error).__name__
     for file in files:
         text = text.replace(f"{file.route}:", f"{file.path}:")
@@ -178,7 +179,7 @@ def _first(stream: IO[bytes]) -> Load:
 
 
 def main() -> None:
-    """Reserve the pipes to the parent for messages, and serve."""
+    """Reserve the pipes to the parent for messages, then load the model and answer requests."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     incoming, outgoing = os.dup(0), os.dup(1)
     nothing = os.open(os.devnull, os.O_RDWR)

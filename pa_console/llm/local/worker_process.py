@@ -27,24 +27,23 @@ from pa_console.schema.base import StrictModel
 
 COMMAND = ("-m", "pa_console.llm.local.worker")
 ENVIRONMENT = {
-    # The number of checks that llama.cpp's waiting threads make before they give up their core. On
+    # The number of checks that a waiting thread of llama.cpp makes before it gives up its core. On
     # an idle machine, 1,000 is as fast as 10,000; with 100, a plan takes half as long again. If
-    # another process is busy, two threads that check longer waste the time of the one they wait
-    # for.
+    # another process is busy, a thread that checks longer takes computing time from the thread
+    # that it waits for.
     "GOMP_SPINCOUNT": "1000",
     # Without this, the C library raises its threshold when the first large buffer is freed. It then
-    # keeps later buffers in its heap and does not return those that others lie behind: 35 MB after
-    # a context has grown. Rows of logits are smaller than this value, so they need no system call
-    # each.
+    # keeps later buffers in its heap, and cannot return a buffer to the system while others lie
+    # behind it: 35 MB after a context has grown. Rows of logits are smaller than this value, so
+    # that a row does not need a system call.
     "MALLOC_MMAP_THRESHOLD_": str(4 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(8 << 20),
 }
-"""The worker's environment variables; values that the console was started with and passes on
-override them."""
+"""The worker's environment variables. Values from the console's own environment override them."""
 
 LINE_LIMIT = 1 << 20
 WAITING_LIMIT = 8 << 20
-"""The limit on unread bytes from a worker: ten times its longest answers."""
+"""The limit on unread bytes from a worker, which is ten times the longest answers."""
 
 EXIT_S = 2.0
 
@@ -53,9 +52,10 @@ Signal = Literal["stop", "late", "ended"]
 
 
 class Worker:
-    """A running worker; `ready` yields True once its model is loaded, or `error` has the reason.
+    """A running worker.
 
-    A worker that has `ended` with an empty `error` has died.
+    `ready` has the result True once the model is loaded, and False if the worker ended before. If
+    the worker has `ended`, `error` has the reason; an empty `error` means that it died.
     """
 
     def __init__(
@@ -79,8 +79,8 @@ class Worker:
     ) -> "Worker":
         """Start a worker that loads a model.
 
-        It has no terminal, so Ctrl-C does not reach it, and only the environment variables that it
-        needs.
+        The worker has no terminal, so Ctrl-C does not reach it. It gets only the environment
+        variables that it needs.
         """
         child = await asyncio.create_subprocess_exec(
             *python_command(*COMMAND),
@@ -103,7 +103,10 @@ class Worker:
             stream.write(encode(message))
 
     async def receive(self, limit: float) -> Answer | Signal:
-        """Return the next answer or signal, or "late" if none comes by perf_counter() `limit`."""
+        """Return the next answer or signal, or "late" if none arrives by `limit`.
+
+        `limit` is a time of perf_counter().
+        """
         try:
             async with asyncio.timeout(max(0.0, limit - perf_counter())):
                 answer, size = await self._answers.get()
@@ -127,7 +130,7 @@ class Worker:
         await self._listener
 
     async def close(self) -> None:
-        """Close the input of the process, which ends it; kill it if it does not end."""
+        """Close the input of the process, so that it ends; kill it if it does not end."""
         if self._child.stdin is not None:
             self._child.stdin.close()
         try:
@@ -139,15 +142,15 @@ class Worker:
     def strike(self) -> None:
         """Kill the process without waiting for its end.
 
-        The signal is sent directly, because Popen.kill could reap the process, which the event loop
-        must do.
+        The signal is sent directly, because Popen.kill could reap the process before the event loop
+        does.
         """
         if self._child.returncode is None:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, signal.SIGKILL)
 
     async def _reap(self) -> None:
-        """Wait for the end of a process that has closed its output; kill it if it lingers."""
+        """Wait until a process that has closed its output ends; kill it if this takes too long."""
         try:
             async with asyncio.timeout(EXIT_S):
                 await self._child.wait()
@@ -156,9 +159,9 @@ class Worker:
             await self._child.wait()
 
     async def _listen(self) -> None:
-        """Distribute the worker's messages until they end or one is invalid, then reap it.
+        """Distribute the worker's messages until they end or one is invalid, then reap the process.
 
-        A line that is too long, or a second Ready, is invalid.
+        A line that is too long is invalid, and so are a second Ready and too many unread messages.
         """
         stream = self._child.stdout
         try:
@@ -170,11 +173,11 @@ class Worker:
                     case LoadFailed(error=error):
                         self.error = error
                     case Ready():
-                        raise ValueError("the worker says twice that it is ready")
+                        raise ValueError("the worker reported twice that it is ready")
                     case answer:
                         self._put(answer, len(line))
                 if self._waiting > WAITING_LIMIT:
-                    raise ValueError("the worker says more than it was asked for")
+                    raise ValueError("the worker sent more messages than are read")
         except ValueError:
             self.strike()
         finally:

@@ -1,1 +1,1 @@
-"""Models by name: their sources, and how they are fetched, checked and prepared."""
+"""Models by name, their sources, and the code that fetches, checks and prepares them."""

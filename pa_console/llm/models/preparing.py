@@ -1,10 +1,10 @@
-"""A model's weights in the form in which they run, made once from the fetched file.
+"""A model's prepared weights, which are made once from the fetched file and then loaded.
 
-They have the fastest type on this machine, and only the vocabulary that is needed. The same source
-gives the same bytes on every machine, whatever its CPU and number of threads, so the catalogue can
-pin the SHA-256 of the result. Without a pin, a JSON file beside `<name>-<how>.gguf` records the
-source and the hash, signed with this machine's key, which is in another folder. A prepared file
-that does not match the pin or the record is made again.
+They have the type that is fastest on this machine, and only the vocabulary that is needed. For each
+type, the same source gives the same bytes on every machine, whatever its CPU and number of threads,
+so the catalogue can pin the SHA-256 of the result. Without a pin, a JSON file beside
+`<name>-<how>.gguf` records the source and the hash. It is signed with this machine's key, which is
+in another folder. If a prepared file does not match the pin or the record, it is made again.
 """
 
 import shutil
@@ -37,19 +37,19 @@ PURPOSE = b"pa-console prepared weights\n"
 AS_STORED = "stored"
 BYTES_A_WEIGHT: dict[Quantisation, float] = {"f16": 2, "bf16": 2, "q8_0": 1.07, "q4_0": 0.57}
 SOURCE_BYTES_A_WEIGHT = 0.5
-"""The least number of bytes for a weight in a source; with it, the space needed is never
-underestimated."""
+"""The least number of bytes per weight in a source; thus the space needed is never underestimated.
+"""
 
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """The changes to a file: the type of its weights (None: as stored), and its cut vocabulary."""
+    """The changes to a file: a new type of weights (None keeps the type), and a cut vocabulary."""
 
     quantisation: Quantisation | None = None
     vocabulary: int | None = None
-    """The number of first pieces whose ASCII pieces are kept; None keeps all pieces."""
+    """The number of first pieces of which the ASCII pieces are kept; None keeps all pieces."""
 
     def __str__(self) -> str:
         parts = [f"{self.vocabulary} pieces"] if self.vocabulary else []
@@ -57,7 +57,7 @@ class Preparation:
 
     @property
     def weight_bytes(self) -> float:
-        """The most bytes that a weight takes after the preparation."""
+        """The largest number of bytes per weight after the preparation."""
         return BYTES_A_WEIGHT[self.quantisation or "q8_0"]
 
 
@@ -76,7 +76,7 @@ class FileOrigin(StrictModel):
     signature: str = ""
 
     def of(self, how: Preparation, source_sha256: str) -> bool:
-        """Return whether the file is the one that would be made now."""
+        """Return whether the file is the one that would be made now from this source by `how`."""
         expected = (source_sha256, how.quantisation, how.vocabulary, version(LLAMA_CPP))
         return expected == (self.source_sha256, self.quantisation, self.vocabulary, self.llama_cpp)
 
@@ -88,7 +88,7 @@ class FileOrigin(StrictModel):
         return unsigned.model_copy(update={"signature": signature})
 
     def is_ours(self) -> bool:
-        """Return whether this machine's key signed the present record; raises SigningError."""
+        """Return whether a key of this machine signed this record; raises SigningError."""
         if not is_signature(self.signature, self._signed_part(), self.signer):
             return False
         return fingerprint(self.signer) in known_keys()
@@ -105,7 +105,7 @@ class PreparedFile(NamedTuple):
 
 
 def prepared_path(name: str, how: Preparation) -> Path:
-    """Return the path for the prepared weights of model `name`; the file may not exist."""
+    """Return the path of the prepared weights of model `name`, even if the file does not exist."""
     return models_folder() / f"{_prepared_name(name, how)}.gguf"
 
 
@@ -119,9 +119,9 @@ def find_pinned(name: str, how: Preparation, pin: Sha256) -> PreparedFile | None
 
 
 def find_recorded(name: str, how: Preparation, source_sha256: str) -> PreparedFile | None:
-    """Return the prepared weights if this machine's signed record vouches for them, else None.
+    """Return the prepared weights if they match a record signed by this machine, else None.
 
-    This is for unpinned weights: the record must have this source and the hash of the file.
+    This is for unpinned weights. The record must have the hash of this source and of the file.
     """
     path = prepared_path(name, how)
     try:
@@ -142,11 +142,11 @@ def prepare(
     *,
     pin: Sha256 | None = None,
 ) -> PreparedFile:
-    """Return the prepared weights of `source`; they are made now unless they exist.
+    """Return the prepared weights of `source`; if they do not exist, they are made now.
 
-    The file appears only when it is complete and, if there is a `pin`, has that SHA-256. If another
-    process is making it, this one waits. Raises PullError, with the remedy, if there is no room, if
-    it cannot be made, or if the result is not the pinned one.
+    The file appears only when it is complete and, if there is a `pin`, has this SHA-256. If another
+    process is making it, this process waits. Raises PullError, with the remedy, if the disk has no
+    room, if the file cannot be made, or if it does not have the pinned SHA-256.
     """
     path, folder = prepared_path(name, how), partial_folder(_prepared_name(name, how))
     try:
@@ -195,10 +195,10 @@ def _make(  # noqa: PLR0917
             _record(path, folder, how, source_sha256, digest)
         elif digest != pin:
             raise PullError(
-                f"{source}: the {how} weights made of it by {LLAMA_CPP} {version(LLAMA_CPP)} have "
-                f"the SHA-256 {digest}, the catalogue pins {pin}; they were deleted: install PA "
-                "Console again, or take `prepare` and `vocabulary` out of the model's entry in "
-                "models/catalog.yaml to run the fetched file as it is"
+                f"{source}: the {how} weights made from it by {LLAMA_CPP} {version(LLAMA_CPP)} "
+                f"have the SHA-256 {digest}, but the catalogue pins {pin}; they were deleted: "
+                "install PA Console again, or remove `prepare` and `vocabulary` from the model's "
+                "entry in models/catalog.yaml to run the fetched file as it is"
             )
         partial.replace(path)
         progress(total, total, f"{how} weights are ready")
@@ -208,7 +208,7 @@ def _make(  # noqa: PLR0917
 
 
 def _record(path: Path, folder: Path, how: Preparation, source_sha256: str, digest: str) -> None:
-    """Write the record of a file beside `path`; without a signing key there is none."""
+    """Write the record of a file beside `path`; without a signing key, no record is written."""
     origin = FileOrigin(
         source_sha256=source_sha256,
         quantisation=how.quantisation,

@@ -1,6 +1,6 @@
-"""The address of a model's server, the permission to send words there, and its key.
+"""The address of a model's server, the permission to send prompts to it, and its key.
 
-A server is named as `openai:BASE_URL#NAME`. No other server gets a request.
+A model on a server is named as `openai:BASE_URL#NAME`. Requests go only to the named server.
 """
 
 import os
@@ -22,7 +22,7 @@ KEY_VARIABLES: dict[ServerUse, str] = {
     "judge": "PA_CONSOLE_JUDGE_SERVER_KEY",
     "second reader": "PA_CONSOLE_READER_SERVER_KEY",
 }
-"""The environment variable with the server key, by use."""
+"""The environment variables with the servers' keys, by the use of the model."""
 KEYRING_SERVICE = "pa-console"
 
 
@@ -37,20 +37,21 @@ class ServerAddress:
     def parse(cls, text: str) -> "ServerAddress":
         """Parse `openai:BASE_URL#NAME`; raises ModelError for an invalid address.
 
-        An address with a password or a query is refused: it would be written to the session log.
+        An address with a password or a query is refused, because addresses are written to the
+        session log.
         """
         try:
             parts = urlsplit(text.removeprefix(PREFIX))
             whole = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
         except ValueError as error:
-            raise ModelError(f"no model on a server: {error}; write {FORM}") from error
+            raise ModelError(f"not a model on a server: {error}; write {FORM}") from error
         if parts.username is not None or parts.password is not None or parts.query:
             raise ModelError(
-                "the address of a model's server holds no key: write openai:BASE_URL#NAME, and put "
-                f"the key in {KEY_VARIABLE} or the keyring"
+                "the address of a model's server must not contain a key: write "
+                f"openai:BASE_URL#NAME, and put the key in {KEY_VARIABLE} or the keyring"
             )
         if not text.startswith(PREFIX) or not whole or not parts.fragment:
-            raise ModelError(f"{text!r} is no model on a server: write {FORM}")
+            raise ModelError(f"{text!r} is not a model on a server: write {FORM}")
         path = parts.path.rstrip("/") or USUAL_PATH
         return cls(f"{parts.scheme}://{parts.netloc}{path}", parts.fragment)
 
@@ -59,32 +60,32 @@ class ServerAddress:
 
     @property
     def private(self) -> bool:
-        """True if no host on the way can read the traffic: loopback or https."""
+        """True if no other host can read the traffic, because it uses loopback or https."""
         parts = urlsplit(self.base_url)
         return parts.scheme == "https" or is_this_machine(parts.hostname or "")
 
     def allow(self, *, plain: bool) -> None:
-        """Raise ModelError if words would be sent in clear text and `plain` is not set."""
+        """Raise ModelError if prompts would be sent in clear text, unless `plain` allows it."""
         if not self.private and not plain:
             raise ModelError(
-                f"{self}: the operator's words and the picture would cross the network in clear; "
-                "use an https address, or allow it with the setting plain_servers"
+                f"{self}: the operator's words and the picture would cross the network in clear "
+                "text; use an https address, or allow clear text with the setting plain_servers"
             )
 
 
 @dataclass(frozen=True)
 class ServerKey:
-    """The key for a server, and where it was found; the key is never shown."""
+    """The key for a server, and its source; the key itself is never shown."""
 
     source: str = "none"
     secret: str = field(default="", repr=False)
 
     @classmethod
     def find(cls, address: ServerAddress, variable: str = KEY_VARIABLE) -> "ServerKey":
-        """Return the key from the environment's `variable`, else from the keyring, else none.
+        """Return the key from the environment's `variable`, or else from the keyring, or else none.
 
-        The keyring is searched if the package `keyring` is installed: under the service pa-console,
-        with the address of the server as the user.
+        The keyring is searched only if the package `keyring` is installed. The key is stored under
+        the service pa-console, with the address of the server as the user.
         """
         if secret := os.environ.get(variable, "").strip():
             return cls(variable, secret)
@@ -98,5 +99,5 @@ class ServerKey:
         return cls("the keyring", secret) if secret else cls()
 
     def hidden_in(self, text: str) -> str:
-        """Return `text` without the key."""
+        """Return `text` with `[key]` in place of the key."""
         return text.replace(self.secret, "[key]") if self.secret else text

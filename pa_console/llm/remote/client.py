@@ -1,8 +1,9 @@
-"""A client for one prompt to a model's server; every failure becomes a ServerError.
+"""A client that sends a prompt to a model's server; every failure becomes a ServerError.
 
-The `openai` client retries by itself, with a growing, jittered pause, if no answer had begun: when
-it could not connect, and after 408, 409, 429 and 5xx. Its environment variables are ignored, no
-proxy is used and no redirect is followed: requests go only to the named server, with its key only.
+Before an answer has begun, the `openai` client retries by itself, with growing, jittered pauses, if
+it cannot connect, and after the status codes 408, 409, 429 and 5xx. Its environment variables are
+ignored, no proxy is used and no redirect is followed. Therefore, requests go only to the named
+server, and only with the key for this server.
 """
 
 import asyncio
@@ -23,20 +24,20 @@ if TYPE_CHECKING:
 
 RETRIES = 2
 MOST_TOLD = 160
-"""The number of characters of a server's own error message that are shown."""
+"""The largest number of characters shown of a server's error message."""
 MOST_CHARS = 64 * 1024
-"""The limit on an answer's length; a longer answer is an error."""
+"""The limit on an answer's length in characters; a longer answer is an error."""
 TIMED_OUT = "gave no complete answer within {:.1f} s"
 BROKE_OFF = "broke off in the middle of its answer"
 OTHERS = ("openai-organization", "openai-project", "x-stainless-")
-"""Prefixes of headers that the client adds by itself; they are removed."""
+"""The prefixes of headers that the client adds by itself; these headers are removed."""
 
 
 @dataclass(frozen=True)
 class AnswerChunk:
     """A piece of an answer, with the token probabilities that the server reports.
 
-    `finish` is the reason for the answer's end, in the last piece; '' before.
+    `finish` is the reason why the answer ended, in the last piece; in earlier pieces, it is ''.
     """
 
     text: str
@@ -45,7 +46,7 @@ class AnswerChunk:
 
 
 class ServerClient:
-    """Asks the model at `address`; before `ask`, nothing is sent and the library is not loaded."""
+    """A client of the model at `address`; `ask` is the first to load the library and connect."""
 
     def __init__(self, address: ServerAddress, key: ServerKey, *, retries: int = RETRIES) -> None:
         self.address = address
@@ -71,9 +72,9 @@ class ServerClient:
     ) -> AsyncGenerator[AnswerChunk]:
         """Yield the answer to a prompt in pieces; the last piece has `finish`.
 
-        `extra` has further fields of the request, such as a constraint on the answer. Closing the
-        generator early closes the connection, which makes the server stop. Raises ServerError
-        without a complete answer within `within_s` seconds.
+        `extra` has further fields of the request, such as a constraint on the answer. If the
+        generator is closed early, the connection is closed, which makes the server stop. Raises
+        ServerError if there is no complete answer within `within_s` seconds.
         """
         limit = asyncio.get_running_loop().time() + within_s
         late = ServerError(TIMED_OUT.format(within_s))
@@ -144,7 +145,7 @@ class ServerClient:
             raise self._failed(error, begun=True) from None
 
     def _failed(self, error: Exception, *, begun: bool = False) -> ServerError:
-        """Return an error with the reason, without the key or any part of the request."""
+        """Return an error with the reason, but without the key and any part of the request."""
         from openai import APIConnectionError, APIStatusError, APITimeoutError  # noqa: PLC0415
 
         match error:
@@ -163,7 +164,7 @@ class ServerClient:
                 return ServerError(f"cannot be asked: {type(error).__name__}")
 
     def _opened(self) -> "AsyncOpenAI":
-        """Load the library, which takes a second, and return a client."""
+        """Load the library, which takes a second, and return a new client."""
         import httpx2  # noqa: PLC0415 - only if a server is used
         import openai  # noqa: PLC0415
 

@@ -1,13 +1,14 @@
-"""The engine of a model on a server, with the limits of a server.
+"""The engine of a model on a server, which has fewer abilities than the engine of a local model.
 
-It answers the same requests as the engine of a local model and checks every answer itself. A server
-gives no alternatives to the most likely answer, keeps nothing that was read ahead, and may not
+It answers the same requests as the engine of a local model, and checks every answer itself. A
+server returns no alternatives to the most likely answer, cannot read prompts ahead, and may not
 report token probabilities. If this engine raises ServerError, the caller uses a model on this
 machine.
 
-Servers constrain an answer to a JSON schema in different ways, each with its own field in the
-request. A server that does not know a field may ignore it and answer anyway. So every way is tested
-with a schema of random words that the prompt does not mention: only a constrained answer has them.
+Servers constrain an answer to a JSON schema in different ways, each with a different field in the
+request. A server that does not support a field may ignore it and answer anyway. Therefore, every
+way is tested with a schema of random words that the prompt does not mention. An answer can have
+these words only if it is constrained.
 """
 
 import asyncio
@@ -37,7 +38,7 @@ from pa_console.schema.finding import Usage
 Way = Literal[
     "json_schema", "json_object", "structured_outputs", "guided_json", "format", "grammar"
 ]
-"""A way to constrain a server's answer; see WAYS."""
+"""A way to constrain a server's answer (see WAYS)."""
 
 
 WAYS: dict[Way, Callable[[Schema], Schema]] = {
@@ -53,32 +54,34 @@ WAYS: dict[Way, Callable[[Schema], Schema]] = {
     "format": lambda schema: {"format": schema},
     "grammar": lambda schema: {"grammar": gbnf(schema)},
 }
-"""The request fields for a schema, the preferred way first. `json_schema` is the way of the OpenAI
-interface, which llama.cpp, Ollama and vLLM support too; `json_object` is that of llama-cpp-python;
-`structured_outputs` and `guided_json` are those of newer and older vLLM; `format` is Ollama's own;
-`grammar` is llama.cpp's, in GBNF."""
+"""The request fields for a schema by way, the preferred way first.
+
+`json_schema` is the way of the OpenAI interface, which llama.cpp, Ollama and vLLM support too.
+`json_object` is for llama-cpp-python, `structured_outputs` for newer vLLM, `guided_json` for older
+vLLM, `format` for Ollama, and `grammar`, in GBNF, for llama.cpp.
+"""
 
 _STRING = r'[^"\\\x7F\x00-\x1F]'
-"""A string character that needs no escape, in GBNF."""
+"""A character of a JSON string that needs no escape, in GBNF."""
 
 PROMPT = "Say hello."
 PROBE_TOKENS = 48
 PROBE_S = 20.0
-"""The longest time of one test, in seconds."""
+"""The time limit of one test, in seconds."""
 REFUSES = (400, 404, 415, 422, 500, 501)
-"""The status codes of servers that do not accept a field or its value."""
+"""The status codes with which servers refuse a field or its value."""
 WORD = 8
-HOLDS, IGNORED = "holds", "ignored"
-UNCONSTRAINED = "nothing holds answers to their form, so one that cannot be read is asked for again"
+HOLDS, IGNORED = "works", "ignored"
+UNCONSTRAINED = "answers cannot be constrained, so an unreadable answer is requested again"
 AGAIN_S = 15.0
-"""Seconds after which a server that failed is probed again."""
+"""The time after which a server that failed is probed again, in seconds."""
 TRIES = 2
-"""The number of attempts if an answer cannot be parsed."""
+"""The number of times that an answer is requested if it cannot be parsed."""
 
 MOST_BEGINNINGS = 16
-"""The number of braces that are tried as the beginning of the answer."""
+"""The largest number of braces that are tried as the beginning of the answer."""
 OF_THE_QUESTION = (400, 413, 422)
-"""The status codes of a working server that does not accept the request."""
+"""The status codes with which a working server refuses a particular request."""
 
 OnServer = Callable[[ServerState, str], None]
 
@@ -91,7 +94,10 @@ def gbnf(schema: Schema) -> str:
 
 
 def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
-    """Return the expression for `schema`; add the rules that it needs, named after `name`."""
+    """Return the expression for `schema`; add the rules that it needs to `rules`.
+
+    The names of these rules begin with `name`.
+    """
     match schema:
         case {"anyOf": ways}:
             kinds = [
@@ -116,7 +122,7 @@ def _rule(schema: Schema, name: str, rules: dict[str, str]) -> str:
 
 
 def _items(item: str, least: int, most: int) -> str:
-    """Return the rule of an array with `least` to `most` times `item`."""
+    """Return the rule of an array that has from `least` to `most` times `item`."""
     if most == 0:
         return '"[]"'
     more = f'{item} (", " {item}){{{max(least - 1, 0)},{most - 1}}}'
@@ -130,32 +136,34 @@ def _literal(text: str) -> str:
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """The result of each way in words, and whether token probabilities are reported."""
+    """The result of the test of each way in words, and whether token probabilities are reported."""
 
     ways: dict[Way, str] = field(default_factory=dict[Way, str])
     chances: bool = False
 
     @property
     def way(self) -> Way | None:
-        """The best way that works, or None."""
+        """The preferred way among those that work; None if no way works."""
         return next((way for way, result in self.ways.items() if result == HOLDS), None)
 
     @property
     def summary(self) -> str:
-        """The conclusion, in a sentence."""
-        return f"answers are held to their form by {self.way}" if self.way else UNCONSTRAINED
+        """The conclusion of the tests, in a sentence."""
+        return f"answers are constrained by {self.way}" if self.way else UNCONSTRAINED
 
     @property
     def words(self) -> str:
-        """All results on one line."""
+        """All results in one line."""
         ways = ", ".join(f"{way} {result}" for way, result in self.ways.items())
-        return f"{self.summary} ({ways}); token chances {'told' if self.chances else 'not told'}"
+        reported = "reported" if self.chances else "not reported"
+        return f"{self.summary} ({ways}); token probabilities {reported}"
 
 
 async def probe(client: ServerClient, within_s: float = PROBE_S) -> ProbeReport:
-    """Test every way, and token probabilities; each test may take `within_s` seconds.
+    """Test every way to constrain an answer, and whether token probabilities are reported.
 
-    Raises ServerError if the server cannot be reached, is too slow or refuses every prompt.
+    Each test may take `within_s` seconds. Raises ServerError if the server cannot be reached, is
+    too slow or refuses every prompt.
     """
     chances = await _reports_chances(client, within_s, asked_for=True)
     if not chances:
@@ -189,7 +197,7 @@ async def _tried(client: ServerClient, way: Way, within_s: float) -> str:
 
 
 async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: bool) -> bool:
-    """Request a few words; return whether token probabilities came with them."""
+    """Request a few words; return whether the answer has token probabilities."""
     reported = False
     try:
         async for piece in client.ask("", PROMPT, 4, within_s, {}, chances=asked_for):
@@ -201,7 +209,10 @@ async def _reports_chances(client: ServerClient, within_s: float, *, asked_for: 
 
 
 class ServerEngine:
-    """Answers prompts with the model at `address`; `on_state` is called for every change."""
+    """An engine that answers prompts with the model at `address`.
+
+    `on_state` is called at every change of state.
+    """
 
     def __init__(
         self,
@@ -215,13 +226,13 @@ class ServerEngine:
     ) -> None:
         """Prepare the engine; nothing is sent before it is started.
 
-        With `chances`, token probabilities are requested, which slows some servers.
+        If `chances`, token probabilities are requested, which slows some servers.
         """
         self.address = address
         self.name = str(address)
         self.report = ProbeReport()
         self.state: ServerState = "probing"
-        self.detail = "not asked yet"
+        self.detail = "not probed yet"
         self.on_state: OnServer | None = None
         self._patience_s, self._again_s, self._chances = patience_s, again_s, chances
         self._client = client or ServerClient(address, key)
@@ -230,7 +241,7 @@ class ServerEngine:
 
     @property
     def usable(self) -> bool:
-        """True if the server answers, or if that is not known yet."""
+        """True if the server answers, or has not been probed yet."""
         return self.state != "away"
 
     async def start(self) -> None:
@@ -249,7 +260,7 @@ class ServerEngine:
         """Probe the server once; the result is in `state`, `detail` and `report`."""
         self._doubted.clear()
         if self.state != "away":
-            self._change("probing", "its ways to constrain an answer are tried")
+            self._change("probing", "the ways to constrain its answers are being tested")
         try:
             self.report = await probe(self._client)
         except ServerError as error:
@@ -268,10 +279,11 @@ class ServerEngine:
     async def generate(self, request: Request) -> AsyncGenerator[str | GenerationEnd]:
         """Yield the answer to `request` in pieces, then one GenerationEnd.
 
-        Several answers are not supported, because a server does not return them. An answer that
-        does not match the schema of the request is requested once more, without yielding its
-        pieces. Raises ServerError without a usable answer within the deadline or `patience_s`,
-        whichever is shorter; the server is then probed again before its next prompt.
+        If several answers are requested, none is returned, because servers do not support this. If
+        an answer does not match the schema of the request, another one is requested once, and its
+        pieces are not yielded. Raises ServerError if there is no usable answer within the deadline
+        or `patience_s`, whichever is shorter. The server is then probed again before its next
+        prompt.
         """
         if request.count > 1:
             yield GenerationEnd("", Usage(), "stop")
@@ -297,7 +309,7 @@ class ServerEngine:
             if error.status not in OF_THE_QUESTION:
                 self._doubt(str(error))
             raise
-        wrong = f"gave no answer that can be read, {TRIES} times: {wrong}"
+        wrong = f"gave no readable answer in {TRIES} attempts: {wrong}"
         self._doubt(wrong)
         raise ServerError(wrong)
 
@@ -339,10 +351,10 @@ class ServerEngine:
 
 
 def open_server(name: str, options: BackendOptions) -> ServerEngine:
-    """Return the engine of the model at the address `name`, `openai:BASE_URL#NAME`.
+    """Return the engine of the model at the address `name`, which is `openai:BASE_URL#NAME`.
 
-    Raises ModelError for an invalid address, and for an address to which words would be sent in
-    clear text, unless `options` allow it. Also raises ModelError if the client is not installed.
+    Raises ModelError if the address is invalid, if the client is not installed, or if prompts would
+    be sent in clear text and `options` do not allow it.
     """
     if missing := missing_library("openai", "openai", f"{name} needs"):
         raise ModelError(missing)
@@ -355,7 +367,7 @@ def open_server(name: str, options: BackendOptions) -> ServerEngine:
 
 
 class _GrowingAnswer:
-    """The received part of an answer."""
+    """The part of an answer that has been received."""
 
     def __init__(self, began: float) -> None:
         self.text, self._chances = "", list[Chance]()
@@ -369,7 +381,10 @@ class _GrowingAnswer:
         self._pieces += bool(piece.text)
 
     def completed(self, answer: str, now: float) -> GenerationEnd:
-        """Return the end; probabilities are dropped if the answer is only part of the text."""
+        """Return the end of the generation, with the text `answer`.
+
+        If `answer` is only part of the received text, the probabilities are left out.
+        """
         usage = Usage(
             completion_tokens=self._pieces,
             sampled_tokens=self._pieces,
@@ -381,9 +396,10 @@ class _GrowingAnswer:
 
 
 def read_answer(text: str, schema: Schema | None) -> tuple[str, str]:
-    """Return the JSON object in `text` that matches `schema`, or the problem with it.
+    """Return the JSON object in `text` that matches `schema`, and '' or else the problem.
 
-    Words around the object, or a fence, are ignored. Without a schema, the text is the answer.
+    Words around the object, or a fence, are ignored. Without a schema, the answer is the whole
+    text.
     """
     if schema is None:
         return text, ""

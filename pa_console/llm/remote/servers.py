@@ -1,4 +1,4 @@
-"""The models of a session: its own, and models elsewhere that are asked first."""
+"""The models of a session: the local model, and models on servers, which are asked first."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from pa_console.schema.events.event import ServerUse
 
 @dataclass(frozen=True)
 class Servers:
-    """The backends of a session's models elsewhere, by use; by default there are none."""
+    """The backends of a session's models on servers, by use; by default there are none."""
 
     by_use: Mapping[ServerUse, Backend] = field(default_factory=dict[ServerUse, Backend])
 
@@ -26,8 +26,8 @@ class Servers:
         """Return backends for the `named` models, each `openai:BASE_URL#NAME` or ''.
 
         Nothing is sent yet. If planner and judge use the same model, they share a backend. Raises
-        ModelError for an invalid name, and for one to which words would be sent in clear text,
-        unless `plain` allows it.
+        ModelError if a name is invalid, or if prompts would be sent in clear text and `plain` does
+        not allow it.
         """
         backends: dict[ServerUse, Backend] = {}
         for use, name in named.items():
@@ -40,7 +40,7 @@ class Servers:
 
     @property
     def backends(self) -> dict[Backend, tuple[ServerUse, ...]]:
-        """Each backend once, with its uses."""
+        """The backends, each with all of its uses."""
         uses: dict[Backend, tuple[ServerUse, ...]] = {}
         for use, backend in self.by_use.items():
             uses[backend] = (*uses.get(backend, ()), use)
@@ -48,7 +48,7 @@ class Servers:
 
     @property
     def named(self) -> dict[ServerUse, str]:
-        """The names of the models by use, as they are logged."""
+        """The names of the models by use, as written to the log."""
         return {use: backend.name for use, backend in self.by_use.items()}
 
 
@@ -58,9 +58,10 @@ NO_SERVERS = Servers()
 
 @dataclass(frozen=True)
 class SessionModels:
-    """The `own` model and its second reader by name, and the models elsewhere by use.
+    """The models of a session by name: the local model, its second reader, and those on servers.
 
-    If `own` is None, it is the catalogue's default, which takes over if a server does not answer.
+    `own` is the local model, which takes over if a server does not answer; None means the default
+    of the catalogue. `named` has the models on servers by use.
     """
 
     own: str | None
@@ -69,9 +70,10 @@ class SessionModels:
 
 
 def session_models(model: str | None, judge_server: str, second_reader: str) -> SessionModels:
-    """Sort the operator's choices; a catalogue name may refer to a server.
+    """Return the operator's choices as local models and models on servers.
 
-    Raises ModelError if `judge_server` is not a server.
+    A name from the catalogue can refer to a model on a server. Raises ModelError if `judge_server`
+    is not a model on a server.
     """
     if not (model or judge_server or second_reader):
         return SessionModels(None, "")
@@ -80,7 +82,7 @@ def session_models(model: str | None, judge_server: str, second_reader: str) -> 
     judge = addresses.get(judge_server, judge_server)
     reader = addresses.get(second_reader, second_reader)
     if judge and not names_backend(judge):
-        raise ModelError(f"judge_server: {judge!r} is no model on a server: write {FORM}")
+        raise ModelError(f"judge_server: {judge!r} is not a model on a server: write {FORM}")
     uses: dict[ServerUse, str] = {"planner": chosen, "judge": judge, "second reader": reader}
     named: dict[ServerUse, str] = {use: name for use, name in uses.items() if names_backend(name)}
     return SessionModels(

@@ -1,1 +1,1 @@
-"""Planner and judge: their prompts, the grammars of their answers, and the calls to models."""
+"""The planner and the judge: their prompts, the grammars of their answers, and the calls."""

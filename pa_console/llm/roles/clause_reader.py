@@ -1,10 +1,10 @@
 """Reading of orders with an untrained model, which states its reading in clauses.
 
-The prompt has the forms of clauses, the picture, and the taught orders most similar to the order;
-with these a model reads far better than with a few fixed examples. The answer is the beginning of a
-plan; the console adds the rest. A local model is constrained to the clauses of the present picture.
-A model on a server cannot be, so its answer is parsed with the grammar afterwards, and discarded if
-it does not match.
+The prompt has the forms of clauses, the picture, and the taught orders that are most similar to the
+order. With these, a model reads far better than with a few fixed examples. The answer is the
+beginning of a plan; the console adds the rest. A local model is constrained to the clauses that are
+possible in the current picture. A model on a server cannot be constrained to them, so its answer is
+checked afterwards, and discarded if it does not match.
 """
 
 import json
@@ -34,9 +34,9 @@ from pa_console.schema.telemetry import Digest
 from pa_console.schema.world import KINDS, PLAIN_KINDS, World
 
 FILE = "taught_orders.tsv"
-"""The file beside the model catalogue: an order and its clauses per line, separated by a tab."""
+"""The file beside the model catalogue in which each line has an order, a tab, and its clauses."""
 _NAME = re.compile(r"\b\w*(?:_\w|\d|[a-z][A-Z])\w*\b")
-"""The form of a world's names: Drone_T04, EastGate."""
+"""The form of names in a world, such as Drone_T04 and EastGate."""
 
 SCHEMA: Schema = {
     "type": "object",
@@ -69,17 +69,17 @@ A place that does not exist is "unknown place".
 
 
 class TaughtOrder(NamedTuple):
-    """An order, with the names of its world, and its reading."""
+    """An order that uses the names of its own world, and its reading in clauses."""
 
     text: str
     clauses: str
 
 
 def nearest_orders(text: str, count: int) -> list[TaughtOrder]:
-    """Return the `count` taught orders with the words most like those of `text`, the nearest last.
+    """Return the `count` taught orders whose words are most like those of `text`, the nearest last.
 
-    All names count as the same: the asset or place that is meant makes no order more similar.
-    Raises DocumentError if the file is missing or broken.
+    All names count as equal, so an order is not more similar because it names the same asset or
+    place. Raises DocumentError if the file is missing or broken.
     """
     orders, masked = taught_orders()
     matches = process.extract(
@@ -116,8 +116,8 @@ def reading_prompt(
 ) -> Prompt:
     """Return the prompt for reading an order: clauses, picture, similar orders, and its words.
 
-    It has no rules: they limit actions, not the meaning of an order. `repair` lists the faults of
-    the `previous` answer.
+    The prompt has no rules, because rules limit actions but not the meaning of an order. `repair`
+    lists the faults of the `previous` answer.
     """
     text = link_names(world, mission.text)
     lines = ["Orders elsewhere"]
@@ -135,9 +135,10 @@ def reading_prompt(
 
 
 def reading_prefix(world: World, digest: Digest | None) -> Prompt:
-    """Return the beginning of every such prompt while the picture does not change.
+    """Return the beginning of every prompt for a reading while the picture does not change.
 
-    Without a `digest`, in a world too large for the prompt, it is the part that never changes.
+    If the world is too large for the prompt, there is no `digest`; the beginning is then the part
+    that never changes.
     """
     if digest is None:
         return Prompt(READER, "")
@@ -145,7 +146,7 @@ def reading_prefix(world: World, digest: Digest | None) -> Prompt:
 
 
 def _there(world: World, digest: Digest) -> Iterator[str]:
-    """Yield the subjects of an order: hardly more than names, because the clauses have the rest."""
+    """Yield the names that an order can use; the clauses explain all else."""
     frames = shown_frames(world, digest)
     yield f"Gates: {', '.join(name for name in frames if world.frames[name].kind == 'gate')}"
     others = [name for name in frames if world.frames[name].kind != "gate"]
@@ -179,7 +180,7 @@ def ask_what_is_asked(world: World, digest: Digest, mission: Mission) -> Reading
 
 
 class ClauseReader:
-    """Reads orders with a model on this machine or a server, as part of `role`."""
+    """A reader of orders, with a model on this machine or a server, in the role `role`."""
 
     def __init__(
         self, engine: Answerer, role: Role = "judge", *, deadline_s: float = DEADLINE_S
@@ -193,7 +194,7 @@ class ClauseReader:
         return self._engine.name
 
     async def read(self, question: ReadingQuestion, on_text: OnText | None = None) -> OrderReading:
-        """Return the reading of an order, if it is in canonical clauses that fit the picture.
+        """Return the reading of an order; it has an error unless it matches the patterns.
 
         `on_text` gets the answer in pieces. Never raises EngineError.
         """

@@ -1,8 +1,9 @@
 """The compact prompts, on which adapters are trained: facts without instructions or examples.
 
-The order is world, picture, rules, mission. World and picture can be read ahead while the operator
-types; after Enter, only the retrieved rules and the mission's words remain. In the mission's words,
-assets and places have their own names, whatever words the operator used.
+The parts of a prompt are, in this order, world, picture, rules and mission. World and picture can
+be read ahead while the operator types; after Enter, only the retrieved rules and the mission's
+words remain. In the mission's words, the operator's expressions for assets and places are replaced
+by their names.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,7 +32,7 @@ TASKS: dict[Role, str] = {
     "outcome": "Judge the outcome.",
 }
 MOST_RULES = 2
-"""The number of quoted rules, those that fit the mission's words best."""
+"""The largest number of rules that are quoted; they are those that fit the mission's words best."""
 
 
 def compact_fixed(role: Role, world: World) -> str:
@@ -48,9 +49,9 @@ def compact_fixed(role: Role, world: World) -> str:
 def compact_picture(world: World, digest: Digest) -> str:
     """Return the digested picture (paper, Step 4); it ends with a newline.
 
-    Every fact follows the name that it concerns, by place, by asset and by kind, because a small
-    model finds facts after a name far better than before it. Planner and judge get the same text,
-    so either prompt can be read ahead before the mission is known.
+    The facts are listed by place, by asset and by kind. Every fact follows the name that it
+    concerns, because a small model finds facts after a name far better than before it. Planner and
+    judge get the same text, so that both prompts can be read ahead before a mission exists.
     """
     lines = [*_places(digest), *_contacts(digest), *_assets(world, digest), *_free(digest)]
     lines += line_if_any("Unknown", digest.unknown)
@@ -68,8 +69,8 @@ def typed_prefix(
 ) -> Prompt:
     """Return the beginning of a prompt of `role` for a mission that begins with `words`.
 
-    `rules` are the rules retrieved for `words`. If the whole mission retrieves the same rules, the
-    model has only the remaining words left to read.
+    `rules` are the rules retrieved for `words`. If the same rules are retrieved for the whole
+    mission, the model only has to read the remaining words.
     """
     start = picture_prefix(role, world, digest)
     begun = _mission(world, words).removesuffix('"')
@@ -101,9 +102,10 @@ def compact_judge_prompt(
     _plan: Plan,
     _rehearsal: Rehearsal,
 ) -> Prompt:
-    """Return the judge's prompt without the plan: a judge that sees a plan finds it in any order.
+    """Return the judge's prompt, without the plan.
 
-    The planned actions are added to the answer, after the reading.
+    A judge that sees the plan reads it into any order. Therefore, the planned actions are added
+    only to the answer, after the judge's reading.
     """
     start = picture_prefix("judge", world, digest)
     lines = [*_rules_held(rules), *_order_lines(world, mission)]
@@ -113,7 +115,7 @@ def compact_judge_prompt(
 def compact_outcome_prompt(
     world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
 ) -> Prompt:
-    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
+    """Return the judge's prompt about an executed plan; `digest` is the picture after execution."""
     lines = [
         _mission(world, mission.text),
         f"Plan: {plan_facts(world, plan)}",
@@ -124,7 +126,7 @@ def compact_outcome_prompt(
 
 
 def _order_lines(world: World, mission: Mission) -> Iterator[str]:
-    """Yield the mission's words, after the previous order's commands if they refer to it."""
+    """Yield the mission's words; if they refer to the previous order, its commands come first."""
     if mission.follows:
         yield f"Before: {mission.follows}"
     yield _mission(world, mission.text)
@@ -135,7 +137,10 @@ def _mission(world: World, words: str) -> str:
 
 
 def _places(digest: Digest) -> Iterator[str]:
-    """Yield a line with the assets at each place, gates first; a gate's only cover is marked."""
+    """Yield a line for each place, gates first, with its assets.
+
+    If only one asset covers a gate, the line says so.
+    """
     for frame, names in standing(digest).items():
         words = ", ".join(names) or "nobody"
         if frame in digest.uncovered:
@@ -146,7 +151,7 @@ def _places(digest: Digest) -> Iterator[str]:
 
 
 def _contacts(digest: Digest) -> Iterator[str]:
-    """Yield the tracks at each gate, each with its identity as one word."""
+    """Yield a line for each gate with its tracks, each with its identity as one word."""
     there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for line in digest.tracks:
         name, _, facts = line.partition(": ")
@@ -157,7 +162,7 @@ def _contacts(digest: Digest) -> Iterator[str]:
 
 
 def _assets(world: World, digest: Digest) -> Iterator[str]:
-    """Yield every asset with its state, kind, and place or destination."""
+    """Yield a line for each asset with its state, its kind, and its place or destination."""
     for name in (*digest.posts, *digest.down):
         kind = PLAIN_KINDS[world.assets[name].kind]
         location = digest.posts.get(name, "").partition(" ")[2]
@@ -166,12 +171,12 @@ def _assets(world: World, digest: Digest) -> Iterator[str]:
 
 
 def _free(digest: Digest) -> Iterator[str]:
-    """Yield the assets that may leave their place, by kind, best first."""
+    """Yield a line for each kind with the assets that may leave their place, the best first."""
     for kind, names in digest.free.items():
         yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
 
 
 def _rules_held(rules: Sequence[Rule]) -> list[str]:
-    """Return the retrieved rules as lines, except critical ones, which the model has learnt."""
+    """Return the retrieved rules as lines, without critical rules, which the model has learnt."""
     quoted = [rule for rule in rules if rule.priority != "critical"][:MOST_RULES]
     return [f"{rule.id}: {' '.join(rule.text.split())}" for rule in quoted]

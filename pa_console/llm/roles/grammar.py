@@ -1,12 +1,12 @@
-"""The form of answers: grammars that make complete answers readable, and schemas for servers.
+"""The form of answers: grammars with which every complete answer is readable, and JSON schemas.
 
-Grammars are in lark, in the dialect of llguidance. A plan addresses only available assets, each at
-most once and in any order, with commands of its kind and frames that exist. The text depends only
-on the arguments, so that its hash can pin it.
+Grammars are written in lark, in the dialect of llguidance. A plan addresses only available assets,
+each at most once and in any order, with commands for its kind and frames that exist. The text of a
+grammar depends only on the arguments, so that its hash can pin it.
 
-A server does not accept these grammars. A JSON schema limits names, commands and verdicts to valid
-ones. It cannot express that no asset has two commands, nor what a reason may state; the safeguards
-check every plan anyway.
+Servers do not accept these grammars, but JSON schemas. A schema limits names, commands and verdicts
+to valid ones. It cannot express that no asset has two commands, or limit the content of a reason.
+The safeguards check every plan anyway.
 """
 
 import json
@@ -22,13 +22,13 @@ from pa_console.schema.world import KINDS, AssetKind, World
 REASON_CHARS = 240
 FEEDBACK_CHARS = 240
 COMPARED_CHARS = 480
-"""The longest feedback in which the console compares a plan with a reading."""
+"""The limit on the length of feedback in which the console compares a plan with a reading."""
 MOST_VIOLATED = 6
 TEXT = r"[ !#-\[\]-~]"
 """Printable ASCII without the quote and the backslash, so that JSON needs no escapes."""
 
 ANY_TEXT = r"start: /(?s:.)*/" + "\n"
-"""The grammar of any text (evaluations only)."""
+"""The grammar that allows any text (evaluations only)."""
 
 PLANNED = "; planned: "
 """The separator between the reading and the plan in a short verdict."""
@@ -36,8 +36,8 @@ Opinion = Literal["Success", "Failure"]
 
 _REASON, _ACTIONS = '{"reason": "', '", "actions": ['
 READ = r'^\{"reason": "[^"]*("|; (?!now: )((?!, else: )[^;:"])*: )'
-"""A regular expression for the beginning of a plan, up to the end of its reading. A reading ends
-with the reason, or where the first deciding fact begins: a name and a colon."""
+"""A regular expression for the beginning of a plan, up to the end of its reading. A reading ends at
+the end of the reason, or before the first deciding fact, which begins with a name and a colon."""
 _AGENT = '{{"agent": "{}", "command": "'
 _OPINION = '{{"id": "{}", "verdict": "'
 _END = '"}'
@@ -46,8 +46,8 @@ Schema = dict[str, Any]
 """A simple JSON schema: objects with all properties required, arrays, strings, enums, anyOf."""
 
 TEXT_SCHEMA: Schema = {"type": "string"}
-"""Any text. Its length is not limited here, because llama.cpp takes half a minute to count 240
-characters."""
+"""The schema that allows any text. It does not limit the length, because llama.cpp takes half a
+minute to count 240 characters."""
 
 
 def plan_grammar(  # noqa: PLR0917
@@ -60,14 +60,16 @@ def plan_grammar(  # noqa: PLR0917
 ) -> str:
     """Return the grammar of a plan; if no asset is available, the only plan has no actions.
 
-    Only `agents` are addressed, only `frames` named and only `verbs` used; by default, all are. The
-    plan's reason matches each of `reasons`, if any: regular expressions in Rust's syntax that limit
-    its length. A bit of llguidance's rule parameter marks each used agent. It has 64 bits, as many
-    as MAX_ACTIONS; raises ValueError if more assets are available.
+    Only `agents`, `frames` and `verbs` are allowed; the default is all of them. If there are
+    `reasons`, the plan's reason matches each of them. They are regular expressions in Rust's syntax
+    and limit its length. A bit of llguidance's rule parameter marks each used agent. The parameter
+    has 64 bits, which is MAX_ACTIONS; raises ValueError if more assets are available.
     """
     up = addressable(world, picture, agents, verbs)
     if len(up) > MAX_ACTIONS:
-        raise ValueError(f"{len(up)} assets are up and a plan can address {MAX_ACTIONS} at most")
+        raise ValueError(
+            f"{len(up)} assets are available, but a plan can address at most {MAX_ACTIONS}"
+        )
     actions = ["first::0x0"] if up else []
     whole = [_literal(_REASON), "REASON", _literal(_ACTIONS), *actions]
     lines = [
@@ -92,7 +94,7 @@ def addressable(
     agents: Collection[str] | None = None,
     verbs: Collection[Verb] = (),
 ) -> dict[str, AssetKind]:
-    """Return the assets that a plan may address, with their kinds, in the order of the world."""
+    """Return the kinds of the assets that a plan may address, in the order of the world."""
     return {
         name: spec.kind
         for name, spec in world.assets.items()
@@ -104,8 +106,9 @@ def addressable(
 def reason_grammar(reasons: Sequence[str]) -> str:
     """Return the grammar of a plan's beginning: its reason, and the text before its actions.
 
-    It matches each of `reasons`, regular expressions in Rust's syntax that limit its length. It
-    continues past the reason, because models write the quote and the next text in one token.
+    The reason matches each of `reasons`, which are regular expressions in Rust's syntax and limit
+    its length. The grammar includes the text after the reason, because models write the closing
+    quote and this text in one token.
     """
     return f"start: {_literal(_REASON)} REASON {_literal(_ACTIONS)}\nREASON: {_all(reasons)}\n"
 
@@ -116,14 +119,15 @@ def begun_grammar(reasons: Sequence[str]) -> str:
 
 
 def begun_reason(text: str) -> str:
-    """Return the reason in `text`, a beginning accepted by either of these two grammars."""
+    """Return the reason in `text`, which matches `reason_grammar` or `begun_grammar`."""
     return text.removeprefix(_REASON).partition('"')[0]
 
 
 def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
     """Return the grammar of a verdict: an opinion on each rule in order, feedback, verdict.
 
-    The feedback matches `feedback`, a regular expression in Rust's syntax, if it is not empty.
+    If `feedback` is not empty, it is a regular expression in Rust's syntax that the feedback
+    matches.
     """
     opinions = [
         f"{_literal(_OPINION.format(rule_id))} opinion {_literal(_END)}" for rule_id in rule_ids
@@ -142,11 +146,11 @@ def judge_grammar(rule_ids: Sequence[str], feedback: str = "") -> str:
 
 
 def compact_opening_grammar(readings: Sequence[str]) -> str:
-    """Return the grammar of a short verdict's beginning, the reading, which matches all `readings`.
+    """Return the grammar of a short verdict's beginning, which is the judge's reading.
 
-    They are regular expressions in Rust's syntax that limit its length. The grammar ends in one
-    terminal with the next text: the lexer is greedy, and would have to leave a separate terminal
-    before it sees the next one.
+    The reading matches each of `readings`, which are regular expressions in Rust's syntax and limit
+    its length. The reading and the text after it are one terminal. If they were two, the greedy
+    lexer could not detect the end of the first before it saw the second.
     """
     begins = _all([f"({reading}){PLANNED}" for reading in readings])
     opening = _literal('{"feedback": "')
@@ -154,7 +158,7 @@ def compact_opening_grammar(readings: Sequence[str]) -> str:
 
 
 def hinted(reading: str) -> str:
-    """Return a short verdict that begins with `reading`, as a hint."""
+    """Return a short verdict with `reading`, as a hint for the beginning of the answer."""
     return json.dumps({"feedback": reading}, ensure_ascii=False)
 
 
@@ -166,8 +170,8 @@ def compact_judge_grammar(
 ) -> str:
     """Return the grammar of a short verdict: feedback, the ids of violated rules, verdict.
 
-    The feedback has at most `most` characters and matches `feedback`, a regular expression in
-    Rust's syntax, if it is not empty; the verdict is one of `verdicts`.
+    The feedback has at most `most` characters. If `feedback` is not empty, it is a regular
+    expression in Rust's syntax that the feedback matches. The verdict is one of `verdicts`.
     """
     whole = [_literal('{"feedback": "'), "FEEDBACK", _literal('", "violated": [')]
     whole += [
@@ -188,15 +192,18 @@ def compact_judge_grammar(
 
 
 def _text(pattern: str, most: int) -> str:
-    """Return a lark terminal for readable text of up to `most` characters that fits `pattern`."""
+    """Return a lark terminal for printable text of 1 to `most` characters that matches `pattern`.
+
+    An empty `pattern` allows any printable text.
+    """
     return _all([*filter(None, [pattern]), f"{TEXT}{{1,{most}}}"])
 
 
 def _all(patterns: Sequence[str]) -> str:
     """Return a lark terminal for texts that match every one of `patterns`.
 
-    Keep the number small: a third pattern that counts characters, beside two similar ones, would
-    slow the lexer too much.
+    Keep the number of patterns small, because a third pattern that counts characters, in addition
+    to two similar ones, would slow the lexer too much.
     """
     return " & ".join(f"/{pattern}/" for pattern in patterns)
 
@@ -206,7 +213,7 @@ def _action(agent: str, kind: AssetKind) -> str:
 
 
 def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
-    """Return the rule for the commands that assets of `kind` can carry out."""
+    """Return the grammar rule for the commands that assets of `kind` can carry out."""
     words = [
         f"{_literal(verb + ' ')} frame" if COMMANDS[verb].takes_frame else _literal(verb)
         for verb in verbs_of(kind, verbs)
@@ -215,7 +222,7 @@ def _commands(kind: AssetKind, verbs: Collection[Verb]) -> str:
 
 
 def verbs_of(kind: AssetKind, verbs: Collection[Verb]) -> list[Verb]:
-    """Return the verbs for assets of `kind`; empty `verbs` means all of the vocabulary."""
+    """Return those of `verbs` that assets of `kind` can carry out; empty `verbs` stands for all."""
     chosen = verbs or tuple(COMMANDS)
     return [verb for verb, spec in COMMANDS.items() if kind in spec.kinds and verb in chosen]
 
@@ -225,12 +232,12 @@ def _choice(words: Iterable[str]) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return `text` as a lark string, whose escapes are those of JSON."""
+    """Return `text` as a lark string, which has the same escapes as JSON."""
     return json.dumps(text)
 
 
 class CommandSlot(NamedTuple):
-    """One `command` of a plan, for one of the `agents`."""
+    """A `command` of a plan, which one of the `agents` is to carry out."""
 
     agents: tuple[str, ...]
     command: str
@@ -244,9 +251,9 @@ class CommandSlot(NamedTuple):
 def slot_grammar(slots: Sequence[CommandSlot], reasons: Sequence[str]) -> str:
     """Return the grammar (lark) of a plan with a command for each of `slots`, in their order.
 
-    Its reason matches each of `reasons`, regular expressions in Rust's syntax that limit its
-    length. No agent has two commands. As in `plan_grammar`, a bit of llguidance's rule parameter
-    marks each used agent.
+    The reason matches each of `reasons`, which are regular expressions in Rust's syntax and limit
+    its length. No agent has two commands. As in `plan_grammar`, a bit of llguidance's rule
+    parameter marks each used agent.
     """
     agents = list(dict.fromkeys(name for slot in slots for name in slot.agents))
     whole = [json.dumps('{"reason": "'), "REASON", json.dumps('", "actions": ['), "slot0::0x0"]
@@ -288,9 +295,9 @@ def plan_schema(
 
 
 def slot_schema(slots: Sequence[CommandSlot], reading: str) -> Schema:
-    """Return the schema of a plan with the commands of `slots`, each for one of its agents.
+    """Return the schema of a plan with the commands of `slots`, each for one of the slot's agents.
 
-    Its reason is the `reading`.
+    The plan's reason is the `reading`.
     """
     ways = [_action_schema(list(slot.agents), [slot.command]) for slot in slots]
     return _plan(ways, len(slots), len(slots), _one_of([reading]))

@@ -18,15 +18,15 @@ DEADLINE_S = 60.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judge's whole answer; `verdict` None means hold, with the reason in `error`."""
+    """The judge's whole answer; if `verdict` is None, `error` has the reason for a hold."""
 
     text: str
     verdict: Verdict | None
     error: str = ""
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The confidence in the reading at the beginning of the answer, 0 to 1; None unless the
-    beginning was requested separately."""
+    """The confidence in the reading at the beginning of the answer, 0 to 1. It is None if the
+    beginning was not requested separately."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class JudgeQuestion:
     """A prompt for the judge and the grammar of its answer, with opinions on `rule_ids`.
 
     `role` selects the fixed part of the prompt: for plans or for outcomes. No caller waits for a
-    verdict on an outcome, so it yields to every other prompt.
+    verdict on an outcome, so its prompt yields to prompts that a caller waits for.
     """
 
     role: Literal["judge", "outcome"]
@@ -45,8 +45,8 @@ class JudgeQuestion:
     """A function from the answer's beginning to the grammar of the whole answer; None if `grammar`
     already covers the whole answer."""
     hint: str = ""
-    """The planner's reading, which the answer may repeat. It only saves time; the judge writes the
-    same answer without it."""
+    """The planner's reading, which the answer may repeat. The hint only saves time; without it, the
+    judge writes the same answer."""
     schema: Schema | None = None
     """The JSON schema for a model on a server, in place of `grammar`."""
 
@@ -60,13 +60,13 @@ class OrderReading:
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
     text: str = ""
-    """The received part of the answer."""
+    """The part of the answer that was received."""
     fatal: bool = False
     """True if another attempt would not help."""
 
 
 class Judge:
-    """Judges plans with the model of `engine`, each within `deadline_s` seconds."""
+    """A judge of plans, with the model of `engine`; each answer may take `deadline_s` seconds."""
 
     def __init__(
         self, engine: Answerer, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
@@ -97,7 +97,7 @@ class Judge:
         return Judgement(whole.text, verdict, error, begun.usage.going_on(whole.usage), sure)
 
     async def read(self, question: JudgeQuestion) -> OrderReading:
-        """Return the judge's reading, the beginning of its answer; never raises EngineError."""
+        """Return the judge's reading, which begins its answer; never raises EngineError."""
         begun = await self._ask(question, question.grammar)
         if begun.error:
             return OrderReading("", begun.error, begun.usage)
@@ -109,7 +109,7 @@ class Judge:
     async def _ask(
         self, question: JudgeQuestion, grammar: str, begun: str = "", on_text: OnText | None = None
     ) -> ModelAnswer:
-        """Request an answer that begins with `begun`, which `on_text` already has."""
+        """Request an answer that begins with `begun`, and pass only the rest to `on_text`."""
         request = Request(
             question.role,
             question.prompt.system,
@@ -131,9 +131,9 @@ class _Opinion(StrictModel):
 
 
 class _JudgeAnswer(StrictModel):
-    """The JSON answer of the judge; opinions come first, so that the verdict rests on them.
+    """The judge's answer in JSON; opinions come first, so that the verdict depends on them.
 
-    A short verdict has only the ids of violated rules, after the feedback.
+    A short verdict has the feedback first, followed only by the ids of violated rules.
     """
 
     rules: tuple[_Opinion, ...] = ()
@@ -143,9 +143,9 @@ class _JudgeAnswer(StrictModel):
 
 
 def read_verdict(text: str, rule_ids: Sequence[str] = ()) -> tuple[Verdict | None, str]:
-    """Return the verdict in `text`, or None and the first problem with it.
+    """Return the verdict in `text` and '', or None and the first problem with it.
 
-    In a short verdict, rules of `rule_ids` that are not listed as violated comply.
+    In a short verdict, a rule of `rule_ids` complies if it is not listed as violated.
     """
     try:
         answer = _JudgeAnswer.model_validate_json(text)

@@ -1,4 +1,4 @@
-"""The planner role: a prompt in; text in pieces, then a plan or the reason for its absence, out."""
+"""The planner role: it answers a prompt with text in pieces, then a plan or an error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -22,9 +22,10 @@ DEADLINE_S = 60.0
 
 @dataclass(frozen=True)
 class Proposal:
-    """The planner's whole answer; `plan` None means hold, with the reason in `error`.
+    """The planner's whole answer; if `plan` is None, `error` has the reason for a hold.
 
-    `fatal` means that another attempt would not help: cancelled, too late, or an engine failure.
+    `fatal` is True if another attempt would not help, because the request was cancelled or took too
+    long, or because the engine failed.
     """
 
     text: str
@@ -33,11 +34,11 @@ class Proposal:
     fatal: bool = False
     usage: Usage = field(default_factory=Usage)
     confidence: float | None = None
-    """The confidence in its reading, 0 to 1; None without a reading."""
+    """The confidence in the planner's reading, 0 to 1; None if the plan has no reading."""
 
 
 class Planner:
-    """Writes plans with the model of `engine`, each within `deadline_s` seconds."""
+    """A writer of plans, with the model of `engine`; each answer may take `deadline_s` seconds."""
 
     def __init__(
         self, engine: Answerer, *, max_tokens: int = MAX_TOKENS, deadline_s: float = DEADLINE_S
@@ -46,7 +47,7 @@ class Planner:
 
     @property
     def reader(self) -> ClauseReader:
-        """A reader with the same model, which states only the reading of an order."""
+        """A reader with the same model, which returns only the reading of an order."""
         return ClauseReader(self._engine, "planner", deadline_s=self._deadline_s)
 
     async def plan(
@@ -58,7 +59,8 @@ class Planner:
     ) -> Proposal:
         """Return the proposal; `on_text` gets the answer in pieces. Never raises EngineError.
 
-        A model on a server is constrained by `schema`, as far as it can be, and not by `grammar`.
+        A model on a server is constrained by `schema`, if the server supports it, and not by
+        `grammar`.
         """
         request = self._request(prompt, grammar, schema=schema)
         answer = await ask_model(self._engine, request, on_text)
@@ -74,8 +76,8 @@ class Planner:
     ) -> tuple[list[Proposal], Usage]:
         """Return up to `count` other plans for `prompt`, the likeliest first.
 
-        They begin with `begun`, the beginning of the most likely answer. The usage covers all of
-        them; that of each Proposal is empty. Never raises EngineError.
+        They begin with `begun`, the beginning of the most likely answer. The returned usage covers
+        all of them; the usage of each Proposal is empty. Never raises EngineError.
         """
         request = self._request(prompt, grammar, count=count, begun=begun)
         answer = await ask_model(self._engine, request)
@@ -91,9 +93,10 @@ class Planner:
     ) -> tuple[list[str], Usage]:
         """Return the planner's other readings of `prompt`, the likeliest first.
 
-        The beginnings of `count` reasons that match `reasons` are written in addition to the most
-        likely one. They differ from that one before the end of its beginning `within`. Each reading
-        is returned once, in its canonical words. Never raises EngineError.
+        In addition to the most likely reason, the beginnings of `count` other reasons are written.
+        They match `reasons`, and differ from the most likely one before the end of its beginning
+        `within`. Each reading is returned once, in canonical words, with the usage of all of them.
+        Never raises EngineError.
         """
         request = self._request(prompt, reason_grammar(reasons), count=count)
         most = min(self._max_tokens, REASON_TOKENS)
@@ -119,9 +122,10 @@ class Planner:
 
 
 def read_plan(text: str) -> tuple[Plan | None, str]:
-    """Return the plan in `text`, or None and the first problem with it.
+    """Return the plan in `text` and '', or None and the first problem with it.
 
-    Words around the JSON object, or a fence, are ignored: models without a grammar write them.
+    Words around the JSON object, or a fence, are ignored, because models without a grammar write
+    them.
     """
     begin = text.find("{")
     try:

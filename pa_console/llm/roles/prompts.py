@@ -1,7 +1,8 @@
 """The prompts of planner and judge (paper, Step 5): fixed text first, changing text last.
 
-This order lets the model's KV cache be reused. Mission text comes from outside: it is written as a
-JSON string, whose closing quote it cannot forge, and is never in the fixed part.
+With this order, the model's KV cache can be reused. Mission text comes from outside. Therefore, it
+is never in the fixed part, and is written as a JSON string, so that it cannot forge the closing
+quote.
 
 Adapters are trained on other prompts, without instructions or examples (`compact_prompts.py`).
 """
@@ -26,7 +27,7 @@ FEW_FRAMES = 24
 MOST_PROBLEMS = 24
 NO_PROBLEM = "no problem, so every rule complies"
 _PIECE = re.compile(rb"[A-Z]?[a-z]{1,5}|[^ a-z]")
-"""A short word or a part of one, a digit, or a mark."""
+"""A regular expression for a short word or part of a word, a digit, or a punctuation mark."""
 _PIECES_TO_TOKENS = 1.1
 
 PLANNER = """\
@@ -192,7 +193,7 @@ def low_battery(digest: Digest) -> list[str]:
 
 
 def line_if_any(label: str, words: Sequence[str], due: str = "") -> list[str]:
-    """Return one line, or none if `words` is empty."""
+    """Return a list of one line, or an empty list if `words` is empty."""
     return [f"{label}: {'; '.join(words)}{due}"] if words else []
 
 
@@ -205,13 +206,13 @@ def free_assets(digest: Digest) -> str:
 
 
 def _placed(digest: Digest, name: str) -> str:
-    """Return the asset, with the gate that it covers together with others."""
+    """Return the asset, with its gate if it helps to cover one."""
     place = digest.posts.get(name, "").rpartition(" at ")[2]
     return f"{name} (at {place})" if place in digest.covered else name
 
 
 def plan_facts(world: World, plan: Plan) -> str:
-    """Return the actions of `plan` with each asset's kind; the plan's reason is not evidence."""
+    """Return the actions of `plan` with each asset's kind, but no reason: it is not evidence."""
     return (
         "; ".join(
             f"{PLAIN_KINDS[world.assets[action.agent].kind]} {action.agent} {action.command}"
@@ -222,7 +223,7 @@ def plan_facts(world: World, plan: Plan) -> str:
 
 
 def rehearsal_facts(world: World, rehearsal: Rehearsal) -> str:
-    """Return the results of a rehearsal: what happened to the tracks, then the problems."""
+    """Return the results of a rehearsal: the events of the tracks, then the problems."""
     timeline = rehearsal.timeline
     problems: list[str] = []
     restored: list[str] = []
@@ -276,7 +277,7 @@ def _list(words: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class Prompt:
-    """The prompt of one role: `system` does not change during a session, `user` does."""
+    """The prompt of one role; `system` is the same throughout a session, but `user` changes."""
 
     system: str
     user: str
@@ -285,9 +286,8 @@ class Prompt:
     def tokens(self) -> int:
         """An estimate of the number of tokens.
 
-        It is high enough even for names made of words and digits, such as `Drone_T01`.
-
-        It was compared with the tokenizers of the models that are trained for the console.
+        It is high enough even for names made of words and digits, such as `Drone_T01`. It was
+        compared with the tokenizers of the models that are trained for the console.
         """
         pieces = sum(1 for _ in _PIECE.finditer((self.system + self.user).encode()))
         return math.ceil(pieces * _PIECES_TO_TOKENS)
@@ -333,8 +333,8 @@ def judge_prompt(  # noqa: PLR0917
 ) -> Prompt:
     """Return the judge's prompt. It is independent of the safeguards' findings.
 
-    Of the picture, it has only the low batteries: a small model mistakes a line about guards or
-    failed assets for a fault of the plan. The rehearsal covers the relevant rest.
+    Its only part of the picture is the low batteries, because a small model mistakes a line about
+    guards or failed assets for a fault of the plan. All other relevant facts are in the rehearsal.
     """
     user = [
         _rules(rules),
@@ -350,7 +350,7 @@ def judge_prompt(  # noqa: PLR0917
 def outcome_prompt(
     world: World, digest: Digest, mission: Mission, plan: Plan, verification: Verification
 ) -> Prompt:
-    """Return the judge's prompt about an executed plan; `digest` is the picture afterwards."""
+    """Return the judge's prompt about an executed plan; `digest` is the picture after execution."""
     user = [
         *frames(world, digest),
         picture_facts(digest),
@@ -362,7 +362,7 @@ def outcome_prompt(
 
 
 def _rules(rules: Sequence[Rule]) -> str:
-    """Return the rules: critical ones first, by id, so that they are always in the same order."""
+    """Return the rules as lines: critical rules first, by id, so that their order never changes."""
     pinned = sorted((rule for rule in rules if rule.priority == "critical"), key=lambda r: r.id)
     others = [rule for rule in rules if rule.priority != "critical"]
     lines = [f"{rule.id}: {' '.join(rule.text.split())}" for rule in (*pinned, *others)]
@@ -370,15 +370,15 @@ def _rules(rules: Sequence[Rule]) -> str:
 
 
 def mission_line(text: str) -> str:
-    """Return the mission's words as one line that none of its characters can end."""
+    """Return the mission's words as one line; no character in the words can end the line."""
     return f"Mission: {json.dumps(' '.join(text.split()), ensure_ascii=False)}"
 
 
 def paper_prompt(world: World, digest: Digest, rules: Sequence[Rule], mission: Mission) -> Prompt:
-    """Return mission command, instruction, state, retrieved context and output format, in order.
+    """Return the paper's prompt: command, instruction, state, retrieved context, output format.
 
-    The paper shows its prompt only in simplified form. The command templates that it mentions are
-    ours, and a device's state is its place and task.
+    The paper shows its prompt only in simplified form. It mentions command templates, for which our
+    commands are used. The state of a device is its place and task.
     """
     state = [f"{name}: {post}" for name, post in digest.posts.items()]
     state += [f"{name}: unavailable" for name in digest.down]

@@ -1,8 +1,8 @@
 """A model in the roles of planner and judge, and the format of its prompts.
 
-A model without adapters needs instructions and examples in every prompt. It writes only a reading
-of an order (`clauses`), or the plan itself (`examples`). A model with adapters was trained on short
-prompts and short verdicts (`compact_prompts.py`).
+A model without adapters needs instructions and examples in every prompt. It writes either only a
+reading of an order (`clauses`) or the plan itself (`examples`). A model with adapters was trained
+on short prompts and short verdicts (`compact_prompts.py`).
 """
 
 from collections.abc import Awaitable, Callable, Sequence
@@ -53,35 +53,37 @@ class PromptFormat:
     outcome: Callable[..., Prompt]
     verdict: Callable[..., str]
     reason: Callable[[World, Digest, str, str], Sequence[str]]
-    """The possible reasons of a plan for a mission with these words, as regular expressions that
-    must all match; if there are none, any reason is possible. The last argument is the operator's
-    reading, if there is one."""
+    """A function that returns the possible reasons of a plan, as regular expressions that must all
+    match. If there are none, any reason is possible. The third argument has the mission's words,
+    and the last argument is the operator's reading, or '' if there is none."""
     opening: Callable[[World, Digest, str, str], str] | None
-    """The grammar of the beginning of a verdict on a plan: the reading of a mission with these
-    words, which the console compares with the plan. If it is None, the judge compares them. The
-    last argument is as in `reason`."""
+    """A function that returns the grammar of the beginning of a verdict on a plan, which is the
+    judge's reading. The console compares this reading with the plan. If the function is None, the
+    judge itself compares them. The arguments are those of `reason`."""
     outcome_opening: str | None
-    """The beginning of a verdict on an outcome without an earlier verdict on the plan."""
+    """The grammar of the beginning of a verdict on an outcome, if there is no verdict on the plan.
+    """
     ahead: Callable[[Role, World, Digest | None], Prompt]
-    """The beginning of a role's prompts that does not depend on a mission; the picture is None in a
-    world too large for the prompt."""
+    """A function that returns the beginning of a role's prompts that does not depend on a mission.
+    The digest is None if the world is too large for the prompt."""
     typed: Callable[[Role, World, Digest, Sequence[Rule], str], Prompt] | None
-    """The beginning of a prompt with the rules and the words of a mission being typed. It is None
-    if the picture does not come first, because reading ahead then gains nothing."""
+    """A function that returns the beginning of a prompt with the rules and the words of a mission
+    that is being typed. It is None if the picture is not at the beginning of a prompt, because
+    reading ahead then saves no time."""
     plan_tokens: int
     verdict_tokens: int
     """The token limits of the answers; the context has room for them."""
     served: bool = False
-    """True if the planner writes only a reading, and the console makes the plan."""
+    """True if the planner writes only a reading, from which the console makes the plan."""
 
 
 def _fixed_only(role: Role, world: World, _digest: Digest | None) -> Prompt:
-    """Return the fixed part; with examples, the picture comes after the retrieved rules."""
+    """Return the fixed part only, because here the picture comes after the retrieved rules."""
     return Prompt(fixed_part(role, world), "")
 
 
 def _compact_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
-    """Return fixed part and picture; the picture for an outcome does not exist yet."""
+    """Return the fixed part and the picture, but no picture for an outcome: it is a later one."""
     if digest is None or role == "outcome":
         return Prompt(compact_fixed(role, world), "")
     return picture_prefix(role, world, digest)
@@ -92,7 +94,7 @@ def _compact_opening(world: World, digest: Digest, words: str, reading: str) -> 
 
 
 def _reader_ahead(role: Role, world: World, digest: Digest | None) -> Prompt:
-    """Return clauses and picture for a planner; verdicts are those of `examples`."""
+    """Return clauses and picture for a planner; for a judge, the same as in `examples`."""
     if role == "planner":
         return reading_prefix(world, digest)
     return _fixed_only(role, world, digest)
@@ -139,13 +141,14 @@ PROMPT_FORMATS: dict[PromptFormatName, PromptFormat] = {
         200,
     ),
 }
-"""The prompt formats by the name that a catalogue entry gives."""
+"""The prompt formats by the names that are used in the catalogue."""
 
 
 def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
-    """Return the prompt format for an entry with `prompts` in an evaluation's `variant`.
+    """Return the prompt format of a model with `prompts` in an evaluation's `variant`.
 
-    A trained model keeps its own format; the paper's prompt asks for a plan.
+    A trained model keeps its own format. The paper's prompt requests a plan, so it needs
+    `examples`.
     """
     if prompts == "compact":
         return prompts
@@ -154,7 +157,7 @@ def format_in(variant: Variant, prompts: PromptFormatName) -> PromptFormatName:
 
 @dataclass(frozen=True)
 class RoleModel:
-    """Planner and judge of one model; `server` is None for the session's local model."""
+    """The planner and the judge with one model; `server` is None for the session's local model."""
 
     planner: Planner
     judge: Judge
@@ -195,10 +198,10 @@ async def first_answer(
     ask: Callable[[RoleModel], Awaitable[AnswerT]],
     failed: Callable[[RoleModel, str], None],
 ) -> AnswerT:
-    """Return the first usable answer of `models`; the last model's answer is always returned.
+    """Return the first usable answer of `models`, or else the answer of the last model.
 
-    `failed` gets each model without an answer, and the reason. After an interruption, no other
-    model is asked.
+    `failed` is called with each earlier model that gives no usable answer, and the reason. If a
+    request is interrupted, no other model is asked.
     """
     *before, last = models
     for model in before:

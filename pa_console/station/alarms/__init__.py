@@ -1,1 +1,1 @@
-"""Alarms of a site: their causes, the open ones, and alerts about them beyond the screen."""
+"""Alarms of a site: their causes, the open alarms, and messages about them to people elsewhere."""

@@ -1,4 +1,4 @@
-"""Alarms of a site: raised once per cause, kept open through noise, cleared with the cause."""
+"""Alarms of a site: raised once per cause, kept open during noise, and cleared with the cause."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,23 +23,29 @@ Key = tuple[AlarmTopic, str]
 AlarmChange = AlarmRaised | AlarmCleared
 Sensors = tuple[str, ...]
 OF_TRACKS: tuple[AlarmTopic, ...] = ("threat", "track", "way")
-"""The topics of alarms about contacts; a sensor may report any number of contacts."""
+"""The topics of alarms about contacts, of which a sensor may report any number."""
 MOST_MINOR = 12
-"""The most medium and low alarms of one kind that are open at a time; the others wait."""
+"""The largest number of medium and low alarms of one kind that are open at a time.
+
+Further alarms wait. Alarms about contacts have the limit MOST_ALIKE instead.
+"""
 MOST_ALIKE = 8
-"""The most emergency and high alarms of one kind about contacts of the same sensors, and the most
-medium and low ones. One more alarm names the sensors and counts the other contacts, so a sensor
-with false reports cannot hide the contacts of other sensors."""
+"""The largest number of open alarms of one kind about contacts of the same sensors.
+
+Emergency and high alarms are counted together, and so are medium and low alarms. Beyond the limit,
+one more alarm names the sensors and counts their other contacts. Therefore, a sensor with false
+reports cannot hide the contacts of other sensors.
+"""
 MOST_IDS = 1024
-"""The most subjects whose alarm ids are kept, the latest ones; the number of tracks is
-unlimited."""
+"""The largest number of subjects whose alarm ids are kept, because the number of tracks is
+unlimited. The latest ids are kept."""
 
 
 @dataclass
 class _WatchedCause:
     """A cause under observation.
 
-    It has had its present kind since `since_s` and was last present at `seen_s`, both in simulated
+    It has had its current kind since `since_s` and was last present at `seen_s`, both in simulated
     seconds. `sensors` are all sensors that have detected its track.
     """
 
@@ -50,7 +56,7 @@ class _WatchedCause:
     sensors: Sensors = ()
 
     def counts_as(self, kind: AlarmKind, priority: AlarmPriority) -> "_Alike | None":
-        """Return the limited group of an alarm with these values; None if it has no limit."""
+        """Return the group to which an alarm with these values belongs; None if it has no limit."""
         minor = priority in ("medium", "low")
         if self.cause.topic in OF_TRACKS:
             return _Alike(kind, minor, self.sensors)
@@ -58,12 +64,15 @@ class _WatchedCause:
 
 
 class _Alike(NamedTuple):
-    """A group of alarms with a limit: same kind, minor or not, and for contacts same sensors."""
+    """A group of alarms with a common limit: of the same kind, and either all minor or all not.
+
+    Alarms about contacts are in the same group only if they have the same sensors.
+    """
 
     kind: AlarmKind
     minor: bool
     sensors: Sensors | None = None
-    """The sensors that report the contacts; None for alarms about something else."""
+    """The sensors that report the contacts; None if the alarms are not about contacts."""
 
     @property
     def most(self) -> int:
@@ -95,7 +104,7 @@ class AlarmBook:
 
     @property
     def sensors(self) -> dict[str, Sensors | None]:
-        """The sensors of each open alarm's contact; None for an alarm about something else."""
+        """The sensors of each open alarm's contact, by alarm id; None if it has no contact."""
         return {
             entry.alarm.id: entry.sensors if key[0] in OF_TRACKS else None
             for key, entry in self._watched.items()
@@ -113,7 +122,7 @@ class AlarmBook:
         return AlarmAcknowledged(alarm_id=alarm_id, by=by)
 
     def look(self, picture: Picture) -> list[AlarmChange]:
-        """Process a new picture; return the cleared alarms, then the raised ones by priority."""
+        """Process a new picture; return the cleared alarms, then the raised alarms by priority."""
         self._remember_guards(picture)
         shown = {cause.key: cause for cause in causes(picture, self.world, self._guards)}
         self._observe(shown, picture)
@@ -122,7 +131,7 @@ class AlarmBook:
         return [*cleared, *raised]
 
     def _remember_guards(self, picture: Picture) -> None:
-        """Record the assets last known for certain to cover each gate, until they leave it."""
+        """Record which assets certainly covered each gate last, until they leave it."""
         for gate, cover in picture.gates.items():
             if cover.covered:
                 self._guards[gate] = cover.by
@@ -163,7 +172,7 @@ class AlarmBook:
                 entry.seen_s = now_s
 
     def _raise(self, now_s: float) -> list[AlarmRaised]:
-        """Raise alarms for settled causes, and again for a new kind or a higher priority."""
+        """Raise alarms for settled causes; raise one again at a new kind or a higher priority."""
         due = [
             entry
             for entry in self._watched.values()
@@ -195,7 +204,7 @@ class AlarmBook:
     def _sum_up(
         self, held: Mapping[Sensors, Sequence[Cause]], opened: Counter[_Alike | None], now_s: float
     ) -> list[AlarmRaised]:
-        """Keep one alarm open for each group of sensors whose further contacts get no alarms."""
+        """Keep one alarm open for each group of sensors with contacts beyond the limit."""
         raised: list[AlarmRaised] = []
         for sensors, rest in held.items():
             beside = sum(
@@ -222,7 +231,10 @@ class AlarmBook:
         )
 
     def _clear(self, now_s: float, raised: Iterable[AlarmRaised]) -> list[AlarmCleared]:
-        """Clear alarms whose cause is gone or superseded; forget causes that raised no alarm."""
+        """Clear alarms whose cause is gone, or is superseded by a threat.
+
+        Causes that are gone before they raised an alarm are forgotten.
+        """
         threats = {r.alarm.subject: r.alarm.id for r in raised if r.alarm.priority == "emergency"}
         cleared: list[AlarmCleared] = []
         for key, entry in list(self._watched.items()):
@@ -260,7 +272,7 @@ class AlarmBook:
         return threat is not None
 
     def _id_of(self, key: Key) -> str:
-        """Return the id of the alarm about a subject: the earlier id if kept, else a new one."""
+        """Return the id for an alarm with this key: the earlier id if it is kept, else a new id."""
         alarm_id = self._ids.pop(key, "")
         if not alarm_id:
             self._numbered += 1
@@ -276,7 +288,7 @@ def _settled(entry: _WatchedCause) -> bool:
 
 
 def _changed(alarm: Alarm, cause: Cause) -> bool:
-    """Return whether the alarm must be raised again: its kind is new or its priority is higher."""
+    """Return whether the alarm must be raised again, for a new kind or a higher priority."""
     worse = ALARM_PRIORITIES.index(cause.priority) < ALARM_PRIORITIES.index(alarm.priority)
     return cause.kind != alarm.kind or worse
 

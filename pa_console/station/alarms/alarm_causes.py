@@ -1,4 +1,4 @@
-"""Causes of alarms: everything in a picture that an operator must know of."""
+"""Causes of alarms: all conditions in a picture of which an operator must be informed."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from pa_console.session.wording import TRACK_PLACES
 
 AlarmTopic = Literal["threat", "track", "way", "cover", "asset", "battery", "camera", "sensor"]
 BATTERY_MARGIN_PCT = 3.0
-"""The charge above the limit at which an open battery alarm may clear, in percent. It may also
-clear when the asset returns to base or charges."""
+"""The margin above the limit of a low battery from which an open alarm may clear, in percent. The
+alarm may also clear when the asset returns to base or charges."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """One reason for an alarm; causes with the same topic and subject share one alarm.
+    """A reason for an alarm; causes with the same topic and subject share one alarm.
 
     A cause must be present for `settle_s` before it raises an alarm, and absent for `linger_s`
-    before the alarm clears, in simulated seconds. A cause with `raises` False only keeps an alarm
-    open.
+    before the alarm clears, in simulated seconds. If `raises` is False, the cause can only keep an
+    alarm open.
     """
 
     topic: AlarmTopic
@@ -50,8 +50,9 @@ class Cause:
 def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
     """Return every cause that `picture` shows.
 
-    `guards` are the assets last known for certain to cover each gate. If one of them is lost, the
-    gate's alarm names it and has the command in response; the asset's own alarm has none.
+    `guards` has the assets that certainly covered each gate last. If one of them is lost, the
+    gate's alarm names the asset and has the command in response; the asset's own alarm has no
+    command.
     """
     result = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
     result.extend(_ways(picture, world))
@@ -69,7 +70,8 @@ def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]
 def _track(track: Track) -> Cause | None:
     """Return the cause of an alarm about `track`; None if no alarm is needed.
 
-    A leaving track needs none, and neither does an authorized one unless it is hostile or defiant.
+    No alarm is needed for a leaving track, or for an authorized track that is not hostile or
+    defiant.
     """
     if track.status == "leaving":
         return None
@@ -106,9 +108,9 @@ def _track(track: Track) -> Cause | None:
 
 
 def _ways(picture: Picture, world: World) -> Iterator[Cause]:
-    """Yield a cause for each track that our assets block although it must pass (ROE-12, ROE-13).
+    """Yield a cause for each track that an asset blocks although it must pass (ROE-12, ROE-13).
 
-    The situation may arise after the plan was checked, and only another order ends a block.
+    This may happen after the plan was checked, and a block ends only by another order.
     """
     blockers = {
         asset.at: asset.id
@@ -134,10 +136,10 @@ def _ways(picture: Picture, world: World) -> Iterator[Cause]:
 
 
 def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) -> Cause:
-    """Return one cause that replaces the causes `held`, which get no alarms of their own.
+    """Return one cause that replaces the causes `held`, which do not get their own alarms.
 
-    `held` is sorted, the most urgent first. `opened` is the number of open alarms about contacts of
-    the same `sensors`.
+    The most urgent cause is first in `held`. `opened` is the number of open alarms about contacts
+    of the same `sensors`.
     """
     needs, number = "contacts that need a response", opened + len(held)
     if len(sensors) == 1:
@@ -157,10 +159,10 @@ def many_contacts(sensors: tuple[str, ...], held: Sequence[Cause], opened: int) 
 def _cover(
     picture: Picture, world: World, gate: str, cover: GateCover, guards: tuple[str, ...]
 ) -> Cause:
-    """Return the cause of an alarm about a gate without certain cover.
+    """Return the cause of an alarm about a gate that is not certainly covered.
 
-    A hand-over may take half the grace time (WF-03). If the guard is known to be lost, there is no
-    hand-over, so the alarm is raised after one second.
+    While one guard takes over from another, the gate may be uncovered for half the grace time
+    (WF-03). If the guard is known to be lost, the alarm is raised after one second.
     """
     if cover.unknown:
         unsure = [picture.assets[name] for name in cover.unsure if name in picture.assets]
@@ -190,7 +192,11 @@ def _cover(
 
 
 def _asset(asset: AssetTelemetry, alone_at: str | None, time_s: float) -> Iterator[Cause]:
-    """Yield the cause of an asset: the worst of failed, silent and suspect, or its battery."""
+    """Yield the cause of an alarm about an asset, if any.
+
+    If the asset has failed, is silent or is suspect, the first of these is the cause. Otherwise,
+    the cause is a low battery.
+    """
     place = alone_at or (asset.at if asset.at == asset.post else None)
     priority: AlarmPriority = "high" if alone_at else "medium"
     name = f"{asset.id} at {place}" if place else asset.id

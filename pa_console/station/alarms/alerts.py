@@ -1,7 +1,7 @@
-"""Alerts beyond the screen: rules for sending and repeating them, and a thread that sends.
+"""Alerts to people who are not at the screen: rules for messages, and a thread that sends them.
 
-An alarm is sent once when it is raised. An alarm or plan that waits too long is sent again, and to
-more people. The station passes on its events and never waits.
+An alarm is sent once when it is raised. If an alarm or a plan waits too long, a reminder is sent to
+more people. The station only passes on its events and never waits for a delivery.
 """
 
 import math
@@ -22,15 +22,15 @@ from pa_console.station.alarms.waits import Wait, is_answered, what_waits
 AGAIN_S = 600.0
 """The time for which an alarm that clears and returns is not sent again, in seconds."""
 MOST_SENT, SENT_WITHIN_S = 10, 600.0
-"""The most messages in one period, and its seconds. Emergencies are exempt; other items wait for
-the next message."""
+"""The largest number of messages in a period, and the length of the period in seconds. Emergencies
+are exempt; other items wait for the next message."""
 MOST_LINES = 8
-"""The most lines of a message; the others are counted."""
+"""The largest number of lines in a message; further lines are only counted."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message with a title and lines; `later` sends it to the later addresses as well."""
+    """A message; if `later`, it is sent to the addresses for reminders as well."""
 
     title: str
     body: str
@@ -40,7 +40,7 @@ class Message:
 
 @dataclass
 class _Waiting:
-    """An item that waits: its start, the number of reminders, and the time of the next one."""
+    """An item that waits, with its start, the number of reminders, and the time of the next one."""
 
     wait: Wait
     since_s: float
@@ -49,10 +49,10 @@ class _Waiting:
 
 
 class AlertRules:
-    """The rules for what to send; times are seconds of any clock that only goes forward."""
+    """The rules for messages; times are in seconds of any clock that only goes forward."""
 
     def __init__(self, lowest: AlarmPriority, after_s: float) -> None:
-        """Send alarms of priority `lowest` or higher, and again after `after_s`; 0 means never."""
+        """Send alarms of priority `lowest` or higher, and reminders after `after_s` if not 0."""
         self._told_of = ALARM_PRIORITIES[: ALARM_PRIORITIES.index(lowest) + 1]
         self._after_s = after_s
         self._state = SessionState()
@@ -92,7 +92,7 @@ class AlertRules:
                     self._pending.append((wait, ""))
 
     def due(self, now_s: float) -> list[Message]:
-        """Return the messages that are due: one for new items, one for reminders."""
+        """Return the messages that are due: at most one for new items, and one for reminders."""
         self._sent_at = {key: at for key, at in self._sent_at.items() if now_s - at < AGAIN_S}
         for waiting in self._waits.values():
             if self._after_s and now_s >= waiting.next_s:
@@ -106,7 +106,7 @@ class AlertRules:
         ]
 
     def next_s(self, now_s: float) -> float:
-        """Return the seconds until a message may be due without another event."""
+        """Return the seconds until a message may be due if no other event is received."""
         at = [waiting.next_s for waiting in self._waits.values()] if self._after_s else []
         if self._pending or self._late:
             at.append(self._sent[0] + SENT_WITHIN_S if self._sent else now_s)
@@ -115,7 +115,7 @@ class AlertRules:
     def _message(
         self, about: list[tuple[Wait, str]], now_s: float, *, later: bool
     ) -> Sequence[Message]:
-        """Return one message about all these items; none while too many have been sent."""
+        """Return one message about all items in `about`; none if too many messages were sent."""
         if not about:
             return ()
         worst = min(about, key=lambda item: _rank(item[0].priority))[0]
@@ -140,7 +140,7 @@ class Delivery(Protocol):
     """A sender of messages to people."""
 
     def give(self, message: Message) -> None:
-        """Start the delivery of a message; returns at once."""
+        """Start the delivery of a message, and return at once."""
         ...
 
     def news(self) -> Sequence[str]:
@@ -149,7 +149,7 @@ class Delivery(Protocol):
 
 
 class Alerting:
-    """The alerts about a session while the context lasts; `take` is given its events."""
+    """A context manager that sends alerts about a session; `take` receives the session's events."""
 
     def __init__(
         self, rules: AlertRules, delivery: Delivery, clock: Callable[[], float] = time.monotonic
@@ -160,7 +160,7 @@ class Alerting:
         self._problem: list[str] = []
 
     def take(self, event: ev.Event) -> None:
-        """Pass one event to the thread; returns at once."""
+        """Pass an event to the thread, and return at once."""
         self._events.put(event)
 
     def news(self) -> Sequence[ev.OutsideReport]:

@@ -1,4 +1,4 @@
-"""The items that wait for the operator, with their urgency, from the state of a session."""
+"""The items of a session that wait for the operator, with their urgency."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from pa_console.session.state import SessionState
 from pa_console.session.state_parts import OpenAlarm
 
 URGENT: tuple[AlarmPriority, ...] = ("emergency", "high")
-"""The alarms that call the operator to the screen."""
+"""The priorities of alarms that call the operator to the screen."""
 
 
 @dataclass(frozen=True)
 class Wait:
-    """One item that waits, in few words; a plan has no priority of its own."""
+    """An item that waits, in few words; `priority` is None for a plan."""
 
     text: str
     priority: AlarmPriority | None = None

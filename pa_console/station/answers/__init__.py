@@ -1,1 +1,1 @@
-"""Answers to questions about the record: reasons for a plan, and alternatives to it."""
+"""Answers to questions about the record, such as reasons for a plan and alternatives to it."""

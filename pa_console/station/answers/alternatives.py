@@ -19,20 +19,20 @@ from pa_console.session.wording import order_in_words
 from pa_console.station.answers.why import asked_of, attempt_of, rehearsed_in_words
 
 MOST_TRIED = 3
-"""The most plans that are examined for a reading while rules block the earlier ones."""
+"""The largest number of plans that are examined for a reading if rules block the first plans."""
 
 
 MOST_ASSIGNED = 12
-"""The most assignments of the same commands that are tried for alternatives."""
+"""The largest number of assignments of agents to the same commands that are tried."""
 MOST_ALTERNATIVES = 2
-"""The number of alternatives up to which other agents are tried; readings alone may exceed it."""
+"""The number of alternatives up to which plans with other agents are added to other readings."""
 
 
 async def rehearse_reading(basis: CheckBasis, task: Mission, words: str) -> RehearsedReading | None:
-    """Return the best plan for the reading `words`, rehearsed in the present picture.
+    """Return the best plan for the reading `words`, rehearsed in the current picture.
 
-    If rules block every plan tried, the first one is returned. The result is None if the console
-    finds no plan.
+    If rules block every plan that is tried, the first one is returned. The result is None if the
+    console finds no plan.
     """
     fleet, reading = basis.fleet, read_asked(words)
     if reading is None or not reading.readable:
@@ -56,10 +56,10 @@ async def rehearse_reading(basis: CheckBasis, task: Mission, words: str) -> Rehe
 async def rehearse_other_ways(
     basis: CheckBasis, task: Mission, words: str, but: Plan
 ) -> AsyncGenerator[RehearsedReading]:
-    """Yield sound plans for the reading `words` with other agents than the plan `but`.
+    """Yield sound plans for the reading `words`, with other agents than the plan `but`.
 
-    The commands are those that the console itself would give, and no rule blocks a yielded plan.
-    Nothing is yielded if the console cannot plan the reading.
+    The commands are those of the console's own plan for the reading. No rule blocks a yielded plan.
+    Nothing is yielded if the console finds no plan for the reading.
     """
     fleet, reading = basis.fleet, read_asked(words)
     if reading is None or not reading.readable:
@@ -85,7 +85,7 @@ def _orders(plan: Plan) -> frozenset[tuple[str, str]]:
 
 
 def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
-    """Yield agents for the commands, the best assignment first; no agent has two commands."""
+    """Yield the commands with agents, the best assignment first; no agent has two commands."""
     for agents in product(*(slot.agents for slot in slots)):
         if len(set(agents)) == len(agents):
             yield tuple(
@@ -95,7 +95,11 @@ def _assignments(slots: Sequence[CommandSlot]) -> Iterator[tuple[Action, ...]]:
 
 
 def _assigned(slots: Sequence[CommandSlot]) -> tuple[Action, ...]:
-    """Return the commands, each with its first free agent; no agent has two commands."""
+    """Return the commands with agents; no agent has two commands.
+
+    Each command gets its first agent that has no command yet, starting with the commands that have
+    the fewest agents. A command without such an agent is left out.
+    """
     given: dict[int, str] = {}
     for at in sorted(range(len(slots)), key=lambda at: len(slots[at].agents)):
         free = (agent for agent in slots[at].agents if agent not in given.values())
@@ -118,10 +122,10 @@ class Alternative:
 
     @property
     def line(self) -> AnswerLine:
-        """The plan and the result of its rehearsal in one line."""
+        """The plan and the result of its rehearsal, in one line."""
         plan, rehearsal = self.found.plan, self.found.rehearsal
         orders = ", ".join(f"{a.agent} {order_in_words(a)}" for a in plan.actions) or "no command"
-        faults = f"; nobody may approve it: {'; '.join(self.found.faults)}"
+        faults = f"; it cannot be approved: {'; '.join(self.found.faults)}"
         bad = faults if self.found.faults else ""
         read = f"read as “{plain_reading(self.asked)}”: " if self.sort == "reading" else ""
         text = f"{read}{orders}; {rehearsed_in_words(rehearsal)}{bad}"
@@ -129,9 +133,9 @@ class Alternative:
 
 
 async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGenerator[Alternative]:
-    """Yield alternatives to the plan of `trace`: for other readings, then with other agents.
+    """Yield alternatives to the plan of `trace`: first for other readings, then with other agents.
 
-    They are rehearsed in the present picture, and no model is asked.
+    They are rehearsed in the current picture, and no model is asked.
     """
     attempt, request = attempt_of(trace), trace.approval
     if attempt is None or attempt.plan is None:
@@ -158,12 +162,12 @@ async def find_alternatives(basis: CheckBasis, trace: MissionTrace) -> AsyncGene
 
 
 def _only_holds(plan: Plan) -> bool:
-    """Return whether a plan has only holds, which the console plans if nothing else is possible."""
+    """Return whether a plan has only holds, which are planned if nothing else is possible."""
     return all(action.verb == "hold" for action in plan.actions)
 
 
 def order_for(plan: Plan, base: str) -> str:
-    """Return an order in words for exactly the actions of a plan."""
+    """Return an order in words that asks for exactly the actions of a plan."""
     parts: list[str] = []
     for action in plan.actions:
         if action.verb == "move_to":

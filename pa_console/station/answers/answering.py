@@ -1,7 +1,7 @@
 """Answers to the operator's questions about proposed and executed plans.
 
-Answers come from the record, the picture, and the checks and the rehearsal that every plan passes.
-No model is used, nothing is decided, and no command is given.
+The facts come from the record, from the picture, and from checks and rehearsals like those of every
+plan. No model is used, nothing is decided, and no command is sent.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,29 +29,29 @@ from pa_console.station.answers.why import (
 )
 
 MOST_REMEMBERED = 50
-"""The most missions that are kept; a question is about the last one."""
-IS_QUESTION = "this is a question: it is answered where it is asked, and no mission is made of it"
+"""The largest number of missions that are kept; a question is about the last one."""
+IS_QUESTION = "this is a question: it is answered where it is asked, and does not become a mission"
 NO_QUESTION = (
-    "this is no question that is answered here; those are Why?, Why ASSET?, Why not ASSET?, "
-    "Why is nobody at GATE? and What would you do instead?"
+    "this question cannot be answered here; possible questions are Why?, Why ASSET?, Why not "
+    "ASSET?, Why is nobody at GATE? and What would you do instead?"
 )
 _MOST_NOTICES = 4
 _GATE_NOTICES = ("covered by ", "no longer covered", "cover unknown")
 NOTHING_YET = "nothing has been ordered in this session yet"
 NO_PLAN = "there is no plan for it"
-NOW = "looked for in the picture as it is now; nothing is ordered by that"
+NOW = "found in the current picture; this orders nothing"
 NO_OTHER = "no other sound plan is known for this order"
 
 
 class RecentRecord:
-    """The state of a session from its logged events, without missions of long ago."""
+    """The state of a session according to its logged events, without old missions."""
 
     def __init__(self, state: SessionState) -> None:
-        """Continue from `state`, which belongs to the record from then on."""
+        """Continue from `state`, which only the record may change from now on."""
         self.state = state
 
     def take(self, event: ev.Event) -> None:
-        """Process one event; transient and unverified ones are ignored."""
+        """Process one event; transient and unverified events are ignored."""
         if event.data.transient or isinstance(event.data, ev.UNVERIFIED):
             return
         self.state.apply(event)
@@ -75,16 +75,14 @@ def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLi
     picture = state.picture
     cover = picture.gates.get(gate) if picture is not None else None
     if picture is None or cover is None:
-        yield AnswerLine(about="now", said=f"nothing has been reported of {gate} yet")
+        yield AnswerLine(about="now", said=f"there are no reports about {gate} yet")
         return
     if cover.covered:
-        text = (
-            f"{gate} is not uncovered: {', '.join(cover.by)} cover{'s' * (len(cover.by) == 1)} it"
-        )
+        text = f"{gate} is covered: {', '.join(cover.by)} cover{'s' * (len(cover.by) == 1)} it"
     elif cover.unknown:
-        text = f"nobody can say whether {gate} is covered"
+        text = f"it is not known whether {gate} is covered"
     else:
-        text = f"nobody covers {gate}"
+        text = f"no asset covers {gate}"
     yield AnswerLine(about="now", said=text)
     if not cover.covered and cover.uncovered_s > 0.0:
         last = max(picture.time_s - cover.uncovered_s, 0.0)
@@ -98,7 +96,7 @@ def gate_lines(state: SessionState, gate: str, dt_s: float) -> Iterator[AnswerLi
 
 
 def _belongs(picture: Picture, gate: str, guards: tuple[str, ...]) -> Iterator[AnswerLine]:
-    """Yield the assets at the gate, or posted there, that do not cover it, with their states."""
+    """Yield a line for each asset that is or has its post at the gate but does not cover it."""
     for name, asset in picture.assets.items():
         if gate in (asset.post, asset.at) and name not in guards:
             yield AnswerLine(about=name, said=_how(asset, gate, picture.time_s))
@@ -121,7 +119,7 @@ def _how(asset: AssetTelemetry, gate: str, now_s: float) -> str:
 
 
 def _sent_away(state: SessionState, gate: str) -> Iterator[AnswerLine]:
-    """Yield the last mission that sent a guard of the gate elsewhere, and its approver."""
+    """Yield lines about the last mission that sent a guard of the gate elsewhere."""
     for trace in reversed([*state.missions.values()]):
         lines = [*_left_for(trace, gate)]
         if lines:
@@ -145,14 +143,14 @@ def _left_for(trace: MissionTrace, gate: str) -> Iterator[AnswerLine]:
 
 
 def _known_of(state: SessionState, gate: str) -> list[Notice]:
-    """Return the last notices about the cover of the gate, oldest first."""
+    """Return the last notices about the cover of the gate, the oldest first."""
     own = [n for n in state.notices if n.subject == gate and n.text.startswith(_GATE_NOTICES)]
     return own[-_MOST_NOTICES:]
 
 
 @dataclass(frozen=True)
 class QueryAnswer:
-    """An answer, and the id of the mission that it is about; '' for none."""
+    """An answer, and the id of the mission that it is about; '' if it is not about a mission."""
 
     event: QuestionAnswered
     mission: str = ""
@@ -166,8 +164,8 @@ async def answer(
 ) -> QueryAnswer:
     """Return the answer to `question` in the session `state`.
 
-    It is about the waiting plan, otherwise about the active or last mission. Each alternative is
-    passed to `show` as soon as it is rehearsed.
+    The answer is about the waiting plan, or else about the active or last mission. Each alternative
+    is passed to `show` as soon as it is rehearsed.
     """
     trace = state.current
     if question.topic == "gate":
@@ -212,12 +210,12 @@ async def _about(
 
 
 def _not_sent(trace: MissionTrace, attempt: Attempt, question: Question) -> list[AnswerLine]:
-    """Return the answer that the plan has none of the named assets, and which assets it has."""
+    """Return the answer that the plan uses none of the named assets, with the assets it uses."""
     agents = attempt.plan.agents if attempt.plan is not None else ()
-    planned = ", ".join(dict.fromkeys(agents)) or "nobody"
+    planned = ", ".join(dict.fromkeys(agents)) or "no asset"
     meant = question.subjects[0] if len(question.subjects) == 1 else "none of them"
     no = "has no part" if len(question.subjects) == 1 else "has a part"
-    text = f"{meant} {no} in the plan of {trace.mission.id}: it is for {planned}"
+    text = f"{meant} {no} in the plan of {trace.mission.id}, which uses {planned}"
     return [AnswerLine(about="plan", said=text)]
 
 

@@ -1,7 +1,8 @@
-"""Reasons for a plan, for its absence, and against another asset in it.
+"""Reasons for a plan, for the absence of a plan, and against the use of another asset.
 
-They come from the record of a mission, step by step. An asset that was not used is tried: the plan
-with this asset is checked and rehearsed again in the present picture. Nothing is decided by that.
+They come from the record of a mission, step by step. If the question is about an asset that was not
+used, the plan with this asset is checked and rehearsed again in the current picture. This decides
+nothing.
 """
 
 import math
@@ -26,20 +27,20 @@ from pa_console.views.status_words import status_of
 from pa_console.views.trace_layout import progress
 
 MOST_ASSETS = 6
-"""The most assets of a plan that are described one by one; the others are counted."""
+"""The largest number of a plan's assets that are described one by one; the others are counted."""
 _MOST_NEARER = 3
 _CLOSE_M = 1.0
-"""The difference in distance up to which two assets are equally near, in metres."""
+"""The difference in distance up to which two assets count as equally near, in metres."""
 _MOST_RULES = 8
 _MOST_BROKEN = 4
 MOST_CHECKED = 4
-"""The most named assets that are checked, the nearest first."""
+"""The largest number of named assets that are checked, the nearest first."""
 
 
 def attempt_of(trace: MissionTrace) -> Attempt | None:
-    """Return the attempt that waits or was decided on, otherwise the last one with a plan.
+    """Return the attempt that waits or was decided on, or else the last attempt with a plan.
 
-    The result is None before any plan.
+    The result is None if there is no plan yet.
     """
     chosen = chosen_attempt(trace, rounds(trace)[-1])
     if chosen is not None and chosen.plan is not None:
@@ -56,12 +57,15 @@ def asked_of(trace: MissionTrace, attempt: Attempt) -> str:
 
 
 def actions_of(attempt: Attempt | None) -> Sequence[Action]:
-    """Return the actions of an attempt's plan; none without one."""
+    """Return the actions of an attempt's plan; an empty sequence if it has no plan."""
     return attempt.plan.actions if attempt is not None and attempt.plan is not None else ()
 
 
 def kind_asked_for(words: str, action: Action, world: World) -> AssetKind | None:
-    """Return the kind of asset that the order asks for at the place of `action`; None for any."""
+    """Return the kind of asset that the order `words` asks for at the place of `action`.
+
+    The result is None if any kind is possible.
+    """
     reading = read_asked(words) if words else None
     kind = world.assets[action.agent].kind
     for ask in reading.asks if reading is not None else ():
@@ -71,7 +75,7 @@ def kind_asked_for(words: str, action: Action, world: World) -> AssetKind | None
 
 
 def distance_m(name: str, action: Action, world: World, picture: Picture) -> float | None:
-    """Return the distance of an asset from the goal of `action`, in metres; None without a goal."""
+    """Return the distance of an asset from the goal of `action`, in metres; None if unknown."""
     place, asset = goal_of(action, world), picture.assets.get(name)
     if not place or asset is None:
         return None
@@ -79,18 +83,18 @@ def distance_m(name: str, action: Action, world: World, picture: Picture) -> flo
 
 
 def goal_of(action: Action, world: World) -> str:
-    """Return the frame that `action` leads to; '' if it leads to none."""
+    """Return the frame to which `action` leads; '' if it leads to none."""
     place = action.target or goes_to(action, world) or ""
     return place if place in world.frames else ""
 
 
 def is_able(name: str, action: Action, world: World) -> bool:
-    """Return whether an asset of this kind can carry out `action`."""
+    """Return whether the asset `name` is of a kind that can carry out `action`."""
     return world.assets[name].kind in COMMANDS[action.verb].kinds
 
 
 def who_is_able(action: Action) -> str:
-    """Return the kinds of asset that can carry out `action`, in words."""
+    """Return which kinds of asset can carry out `action`, in words."""
     kinds = [PLAIN_KINDS[kind] for kind in PLAIN_KINDS if kind in COMMANDS[action.verb].kinds]
     return f"only a {' or '.join(kinds)} can {action.verb}"
 
@@ -102,10 +106,10 @@ def may_leave(name: str, picture: Picture) -> bool:
 
 
 def against(name: str, picture: Picture) -> list[str]:
-    """Return the facts in the picture against the use of an asset; none if it is free."""
+    """Return the facts in the picture against the use of an asset; empty if it is free."""
     asset = picture.assets.get(name)
     if asset is None:
-        return ["nothing is known of it"]
+        return ["there are no reports about it"]
     alone = [gate for gate, guard in sole_covers(picture).items() if guard == name]
     return [*_state(asset, picture), *(f"it alone covers {gate}" for gate in alone)]
 
@@ -131,7 +135,7 @@ def _state(asset: AssetTelemetry, picture: Picture) -> Iterator[str]:
 def asset_lines(
     trace: MissionTrace, attempt: Attempt, world: World, only: Sequence[str] = ()
 ) -> Iterator[AnswerLine]:
-    """Yield a line for each asset of the plan, or only for those in `only` if it names any."""
+    """Yield a line for each asset of the plan; if `only` has names, only for these assets."""
     actions = [a for a in actions_of(attempt) if a.agent in world.assets]
     chosen = [action for action in actions if not only or action.agent in only]
     for action in chosen[:MOST_ASSETS]:
@@ -166,16 +170,16 @@ def _reasons(trace: MissionTrace, attempt: Attempt, action: Action, world: World
     if attempt.rehearsal is not None:
         arrived_s = attempt.rehearsal.motion.arrived_s.get(name)
         if arrived_s:
-            yield f"there after {arrived_s:.0f} s in the rehearsal"
+            yield f"arrived after {arrived_s:.0f} s in the rehearsal"
 
 
 def _nearness(
     trace: MissionTrace, attempt: Attempt, action: Action, world: World, before: Picture
 ) -> Iterator[str]:
-    """Yield the asset's rank by distance, and why the nearer assets were not used.
+    """Yield the asset's distance, and why the nearer assets were not used.
 
-    Assets of the kind that the order asks for are compared. If it asks for none, these are assets
-    of the same kind and others that were free to leave.
+    Assets of the kind that the order asks for are compared. If the order asks for no kind, these
+    are all assets of the same kind, and other assets that were free to leave.
     """
     name, place = action.agent, goal_of(action, world)
     own_m = distance_m(name, action, world, before)
@@ -209,7 +213,7 @@ def _nearness(
         yield f"{own_m:.0f} m away"
     for other_m, other in nearer[:_MOST_NEARER]:
         why = against(other, before)
-        free_too = "and was free: nothing on record says why it was not taken"
+        free_too = "and was free: the record has no reason why it was not used"
         remark = f"but {', '.join(why)}" if why else free_too
         yield f"{other} is nearer, {other_m:.0f} m, {remark}"
     if len(nearer) > _MOST_NEARER:
@@ -227,7 +231,7 @@ def _line(about: str, text: str) -> AnswerLine:
 
 
 def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
-    """Yield all facts about the plan of a mission, or about its absence."""
+    """Yield all facts about the plan of a mission, or the reasons why it has no plan."""
     yield from order_lines(trace)
     attempt = attempt_of(trace)
     if attempt is not None:
@@ -243,7 +247,7 @@ def plan_lines(trace: MissionTrace, world: World) -> Iterator[AnswerLine]:
 
 
 def order_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
-    """Yield the words of the mission, its completed text, and the questions asked back."""
+    """Yield the words of the mission, its completed text, and the questions to the operator."""
     mission = trace.mission
     origin = f"{mission.origin}: " if mission.origin else ""
     yield _line("order", f"{mission.id}, {origin}{mission.said}")
@@ -277,11 +281,11 @@ def rule_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
     if retrieved:
         yield _line("rules", f"retrieved for these words: {few(retrieved, _MOST_RULES)}")
     if pinned:
-        yield _line("rules", f"always told: {few(pinned, _MOST_RULES)}")
+        yield _line("rules", f"always in the prompt: {few(pinned, _MOST_RULES)}")
 
 
 def _not_used(trace: MissionTrace, chosen: Attempt) -> Iterator[AnswerLine]:
-    """Yield the plans of the round that were not used, each with the reason against it."""
+    """Yield the other plans of the same round, each with the reason why it was not used."""
     for attempt in trace.attempts:
         if attempt is chosen or attempt.round != chosen.round or attempt.plan is None:
             continue
@@ -294,14 +298,14 @@ def _not_used(trace: MissionTrace, chosen: Attempt) -> Iterator[AnswerLine]:
 
 
 def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
-    """Yield the results of checks, rehearsal and judge for a plan."""
+    """Yield the results of the checks, the rehearsal and the judge for a plan."""
     if attempt.findings:
         broken = [f for f in attempt.findings if f.broken]
         checked = [f for f in attempt.findings if f.status == "complies"]
         if not broken:
             yield _line("checks", f"no rule is broken; {count(len(checked), 'rule')} applied")
         for finding in broken[:_MOST_BROKEN]:
-            worst = "nobody may approve it" if finding.blocking else "a warning"
+            worst = "it cannot be approved" if finding.blocking else "a warning"
             yield _line("checks", f"{finding.rule_id} ({worst}): {finding.message}")
         if len(broken) > _MOST_BROKEN:
             yield _line("checks", f"{len(broken) - _MOST_BROKEN} more rules are broken")
@@ -316,7 +320,7 @@ def checked_lines(attempt: Attempt) -> Iterator[AnswerLine]:
 
 
 def rehearsed_in_words(rehearsal: Rehearsal) -> str:
-    """Return a rehearsal in words: its duration, the cover of gates, and unfinished assets."""
+    """Return a rehearsal in words: its duration, the cover of gates, and unfinished actions."""
     timeline = rehearsal.timeline
     parts = [f"over after {timeline.duration_s:.0f} s"]
     gates = timeline.gates.items()
@@ -385,7 +389,7 @@ def end_lines(trace: MissionTrace) -> Iterator[AnswerLine]:
 async def why_not_lines(
     basis: CheckBasis, trace: MissionTrace, attempt: Attempt, names: Sequence[str]
 ) -> AsyncGenerator[AnswerLine]:
-    """Yield the objections to each of `names` in place of the planned asset."""
+    """Yield the objections to the use of each of `names` instead of the planned asset."""
     world, actions = basis.fleet.world, actions_of(attempt)
     planned = {action.agent: action for action in actions}
     others = [name for name in names if name not in planned]
@@ -403,7 +407,7 @@ async def why_not_lines(
 
 
 def part_for(name: str, actions: Sequence[Action], world: World) -> Action | None:
-    """Return the action that an asset would take over; None if it can do none of `actions`.
+    """Return the action that an asset would take over; None if it can carry out none of `actions`.
 
     An action of an asset of the same kind is preferred.
     """
@@ -431,7 +435,7 @@ async def _checked(
     part = part_for(name, actions, world)
     if part is None:
         first = next((action for action in actions if goal_of(action, world)), None)
-        yield who_is_able(first) if first is not None else "the plan sends nobody anywhere"
+        yield who_is_able(first) if first is not None else "the plan sends no asset anywhere"
         return
     over = trace.approval is None
     picture_then = attempt.rehearsal.before if attempt.rehearsal is not None else None
@@ -459,27 +463,27 @@ async def _checked(
 def _facts(  # noqa: PLR0917 - one asset in one plan, in one picture
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World, picture: Picture
 ) -> str:
-    """Return the facts of a picture and of the order that speak against an asset for an action."""
+    """Return the facts in the picture and the order against the use of an asset for an action."""
     facts = [*_not_asked_for(name, part, attempt, trace, world), *against(name, picture)]
     own_m = distance_m(name, part, world, picture)
     their_m = distance_m(part.agent, part, world, picture)
     if own_m is not None and their_m is not None:
         facts.append(f"{own_m:.0f} m away, {part.agent} {their_m:.0f} m")
-    return "; ".join(facts) or "nothing in the picture stands against it"
+    return "; ".join(facts) or "nothing in the picture speaks against it"
 
 
 def _not_asked_for(
     name: str, part: Action, attempt: Attempt, trace: MissionTrace, world: World
 ) -> Iterator[str]:
-    """Yield a line if the order was read as asking for another kind of asset."""
+    """Yield a fact if the order was read as asking for another kind of asset."""
     kind = kind_asked_for(asked_of(trace, attempt), part, world)
     if kind is not None and world.assets[name].kind != kind:
-        yield f"the order was read as one for a {PLAIN_KINDS[kind]}"
+        yield f"the order was read as asking for a {PLAIN_KINDS[kind]}"
 
 
 def _verdict(examination: Examination) -> str:
     if examination.blocked:
-        return f"nobody may approve it: {'; '.join(examination.faults)}"
+        return f"it cannot be approved: {'; '.join(examination.faults)}"
     if examination.broken:
         return f"a warning: {'; '.join(examination.broken)}"
     return "no rule is broken"
@@ -488,7 +492,7 @@ def _verdict(examination: Examination) -> str:
 def _arrival(name: str, part: Action, rehearsal: Rehearsal, planned: Rehearsal | None) -> str:
     """Return the result of the rehearsal with the asset, and the arrival times of both assets."""
     arrived_s = rehearsal.motion.arrived_s.get(name)
-    there = f"; it is there after {arrived_s:.0f} s" if arrived_s is not None else ""
+    there = f"; it arrives after {arrived_s:.0f} s" if arrived_s is not None else ""
     other_s = planned.motion.arrived_s.get(part.agent) if planned is not None else None
     if there and other_s is not None:
         there += f", {part.agent} after {other_s:.0f} s"

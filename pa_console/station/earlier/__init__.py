@@ -1,1 +1,1 @@
-"""Continuing after an earlier session: what it left open, and how a new session begins."""
+"""The continuation of an earlier session: its open parts, and the start of the new session."""

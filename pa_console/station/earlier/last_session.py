@@ -1,4 +1,4 @@
-"""The last session of a world: a summary line, and the standing orders in force at its end."""
+"""The last session of a world: a summary, and the standing orders in force at its end."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -13,29 +13,29 @@ from pa_console.session.state import SessionState
 from pa_console.station.earlier.unclosed_session import LOOKED_AT
 
 ENDED = "the session has ended"
-"""The reason for the end of a standing order that was in force until its session ended."""
+"""The reason that is recorded when a standing order ends because its session ended."""
 
 
 class LastSession:
-    """The last session of a world whose log is in a folder and not in use.
+    """The last session of a world among the logs in a folder that are not in use.
 
-    The first call of `news` starts the search, in a thread because a log may be long. A later call
-    returns the summary.
+    The first call of `news` starts the search, which is in a thread because a log may be long. A
+    later call returns the summary.
     """
 
     def __init__(self, folder: Path, world_sha256: str, key: str, offered: str = "") -> None:
-        """Name `key` in the summary as the key that takes the standing orders up again.
+        """Prepare the search; `key` is the key with which the operator submits the orders again.
 
         `offered`, the world's own standing order, is left out because it is offered anyway.
         """
         self._folder, self._world, self._key, self._offered = folder, world_sha256, key, offered
         self._reports: list[ev.OutsideReport] = []
         self.orders: tuple[str, ...] = ()
-        """The texts of the orders that were in force and have not been taken up again."""
+        """The texts of the standing orders that were in force and are not yet submitted again."""
         self._looking = Thread(target=self._look, name="last-session", daemon=True)
 
     def news(self) -> Sequence[ev.OutsideReport]:
-        """Return the summary line once it is found; later calls return nothing."""
+        """Return the summary when it is ready; later calls return nothing."""
         if self._looking.ident is None:
             self._looking.start()
         reports, self._reports = self._reports, []
@@ -46,7 +46,7 @@ class LastSession:
         self._looking.join()
 
     def take_up(self) -> tuple[str, ...]:
-        """Return the orders to submit again, and forget them."""
+        """Return the texts of the orders to submit again, and forget them."""
         orders, self.orders = self.orders, ()
         return orders
 
@@ -75,6 +75,6 @@ class LastSession:
         text += f"; left open: {' and '.join(left)}" if left else "; nothing was left open"
         if orders:
             named = "; ".join(f"“{order}”" for order in orders)
-            text += f"; {self._key} takes up again what was in force: {named}"
+            text += f"; {self._key} submits again the orders that were in force: {named}"
         self.orders = tuple(orders)
         self._reports = [ev.Noticed(level="info", subject="last session", text=text)]

@@ -1,6 +1,6 @@
-"""The start of a session: a new one, a resumed one, or one that takes command of a site.
+"""The start of a session: a new session, a resumed one, or one that takes command of a site.
 
-No command is dispatched by it, except the stop of a relieved station, which remains in force.
+It dispatches no command, except a stop if the relieved station had stopped all assets.
 """
 
 from collections.abc import Callable
@@ -17,12 +17,12 @@ from pa_console.station.earlier.unclosed_session import (
 )
 from pa_console.station.worker import MissionWorker, StationParts
 
-INTERRUPTED = "the console ended while it was under way; give it again if it is still wanted"
-NOT_KEPT = "a standing order ends with its console; give it again if it is still wanted"
+INTERRUPTED = "the console ended while it was under way; give it again if it is still needed"
+NOT_KEPT = "a standing order ends with its console; give it again if it is still needed"
 
 
 class SessionStart:
-    """The first events of a session; a `resumed` session continues where it ended."""
+    """The beginning of a session; a `resumed` session continues where it ended."""
 
     def __init__(  # noqa: PLR0917
         self,
@@ -33,14 +33,17 @@ class SessionStart:
         started: ev.SessionStarted,
         resumed: ResumedSession | None,
     ) -> None:
-        """Restore the parts of a resumed session; `stop_all` stops all assets for a station."""
+        """Restore the parts of a resumed session.
+
+        `stop_all` stops all assets, given the name of the station that stopped them.
+        """
         self._intake, self._emit, self._manual = parts.intake, parts.emit, manual
         self._worker, self._stop_all = worker, stop_all
         self._started, self._resumed = started, resumed
         self._taken: ev.CommandTaken | None = None
         self._left = LeftMissions()
         self._again: list[tuple[ev.EventPayload, str]] = []
-        """The events with which missions of open alarms begin again, each with its mission."""
+        """The events of the missions that are queued again for open alarms, with their ids."""
         if resumed is None:
             return
         before, services = resumed.before, parts.services
@@ -58,13 +61,13 @@ class SessionStart:
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
         """Record the takeover with which this session begins; call this before `begin`.
 
-        Undispatched missions that the other session `left` are queued here; that dispatches
-        nothing.
+        `left` has the open missions of the other session. Those that have sent no commands are
+        queued here, which dispatches nothing.
         """
         self._taken, self._left = taken, left
 
     def begin(self, picture: Picture) -> None:
-        """Emit the first events, with the first `picture`, and queue the missions to continue."""
+        """Emit the first events, with the first `picture`, and queue the missions that continue."""
         if self._resumed is not None:
             self._go_on(self._resumed.before, picture)
             return
@@ -76,7 +79,7 @@ class SessionStart:
             self._take_over(self._taken.station, self._left)
 
     def _go_on(self, before: UnclosedSession, picture: Picture) -> None:
-        """Emit that the session continues and queue its waiting missions; nothing is dispatched."""
+        """Emit that the session continues, and queue its waiting missions; dispatch nothing."""
         interrupted = tuple(trace.mission.id for trace in before.interrupted)
         in_force = [trace.order.id for trace in before.state.standing.values() if trace.in_force]
         self._emit(ev.SessionResumed(version=__version__, interrupted=interrupted), None)
@@ -91,13 +94,16 @@ class SessionStart:
         self._worker.queue_changed()
 
     def _hold(self, missions: tuple[str, ...], reason: str) -> None:
-        """End missions that are not resumed."""
+        """End `missions`, which are not resumed."""
         for mission in missions:
             held = ev.MissionFinished(status="held", reason=reason, metrics=Metrics())
             self._emit(held, mission)
 
     def _take_over(self, station: str, left: LeftMissions) -> None:
-        """Emit the relieved `station`'s open missions and queue the undispatched ones."""
+        """Emit notices about the relieved `station`'s open missions; queue the undispatched ones.
+
+        If the station had stopped all assets, they are stopped, and no mission is queued.
+        """
         for text in left.notices(station):
             self._emit(ev.Noticed(level="warning", subject="command", text=text), None)
         for asset, by in left.manual:

@@ -1,14 +1,14 @@
 """The open parts of an earlier session whose console was killed or relieved of command.
 
-A session that was not closed continues here. Its log has everything that determines the world:
+If a session was not closed, it continues here. Its log has all that determines the simulated world:
 seed, scenario, incidents and commands. The fleet is simulated again from the beginning to the last
-record, and its picture must then equal the one in the log.
+record, and its picture must then equal the picture in the log.
 
-For a relieved station's session, a mission that has not moved any asset is queued again with its
-original text. It is planned with present reports and needs approval like any mission. A mission
-that has sent a command is only reported, because its plan was approved for another station. The
-picture raises alarms and their missions again. Standing orders do not continue, because they were
-approved at that station only.
+If a station was relieved, its missions that have not moved any asset are queued again with their
+original texts. They are planned with current reports and need approval like any mission. A mission
+that has sent a command is only reported, because its plan was approved for the other station.
+Alarms are raised again from the picture, and so are their missions. Standing orders do not
+continue, because they were approved only at the other station.
 """
 
 from collections.abc import Iterator
@@ -31,20 +31,20 @@ from pa_console.session.state import SessionState, begun_missions, waiting_entri
 from pa_console.session.wording import order_in_words
 from pa_console.station.alarms.alarm_book import AlarmBook
 
-OTHERWISE = "its world did not come out again as the log tells of it"
+OTHERWISE = "the world simulated again from the log differs from the log"
 LOOKED_AT = 30
-"""The number of logs, the newest first, that are searched for the last session of a world."""
+"""The number of newest logs that are searched for the last session of a world."""
 
 
 @dataclass(frozen=True)
 class LeftMissions:
     """The missions and orders that a relieved station's session left open.
 
-    `manual` are the assets under manual control, which remain so, each with the person who took it.
-    `again` are the missions that have not moved any asset, the one that was being planned first;
-    `under_way` are those that have. `standing` are the ids of the standing orders in force there.
-    `awaiting` are the ended missions that await assets under manual control. `stopped` is True if
-    all assets were stopped.
+    `manual` has the assets that are under manual control and remain so, each with the person who
+    took it. `again` has the missions that have sent no commands, the active mission first, and
+    `under_way` has those that have. `standing` has the ids of the standing orders in force there.
+    `awaiting` has the ended missions that await assets under manual control, with these assets.
+    `stopped` is True if all assets were stopped.
     """
 
     manual: tuple[tuple[str, str], ...] = ()
@@ -56,7 +56,7 @@ class LeftMissions:
 
     @classmethod
     def of(cls, state: SessionState) -> "LeftMissions":
-        """Return the missions and orders left open in `state`; none if the session has ended."""
+        """Return the missions and orders that are open in `state`; none if the session ended."""
         if state.ended:
             return cls()
         begun = begun_missions(state)
@@ -74,7 +74,7 @@ class LeftMissions:
         )
 
     def notices(self, station: str) -> Iterator[str]:
-        """Yield notices about these for the operator; `station` is the relieved station."""
+        """Yield notices about the open missions and orders of the relieved station `station`."""
         for trace in self.under_way:
             orders = "; ".join(
                 f"{sent.command.agent} {order_in_words(sent.command)}"
@@ -82,17 +82,17 @@ class LeftMissions:
             )
             yield (
                 f"{station} had {trace.mission.id} “{trace.mission.said}” under way ({orders}): "
-                "vehicles end what they have begun, and nobody verifies it"
+                "vehicles finish the commands that they have begun, without verification"
             )
         for mission, assets in self.awaiting:
             yield (
                 f"{mission.id} “{mission.said}” of {station} awaits {', '.join(assets)}: give it "
-                "again here if it is still wanted"
+                "again here if it is still needed"
             )
         if self.standing:
             yield (
-                f"no standing order of {station} is in force here ({', '.join(self.standing)}): "
-                "approve them anew"
+                f"the standing orders of {station} are not in force here "
+                f"({', '.join(self.standing)}): give and approve them again"
             )
         if self.stopped:
             yield f"{station} had stopped every asset: all stay stopped until you release them"
@@ -104,25 +104,25 @@ def _awaiting(state: SessionState) -> Iterator[MissionTrace]:
 
 
 class NotResumableError(ValueError):
-    """An error for a session that cannot be resumed; the text is the reason."""
+    """The error for a session that cannot be resumed; the text is the reason."""
 
 
 @dataclass(frozen=True)
 class UnclosedSession:
-    """The last session of a world, read from its log, if the console ended without closing it."""
+    """The last session of a world, read from its log, which the console did not close."""
 
     log: Path
     state: SessionState
 
     @property
     def started(self) -> ev.SessionStarted:
-        """The first event of the session, with the rules that were in force last."""
+        """The first event of the session, but with the rules that were in force last."""
         assert self.state.started is not None
         return self.state.started
 
     @property
     def waiting(self) -> tuple[QueueEntry, ...]:
-        """The missions that waited and had not begun, except those of standing orders."""
+        """The missions that waited in the queue, except those of standing orders."""
         return tuple(entry for entry in waiting_entries(self.state) if not entry.mission.standing)
 
     @property
@@ -145,12 +145,12 @@ class UnclosedSession:
 
     @property
     def interrupted(self) -> tuple[MissionTrace, ...]:
-        """The missions that had begun and had not ended."""
+        """The missions that had begun but not ended."""
         return begun_missions(self.state)
 
     @property
     def unfinished(self) -> bool:
-        """True if a mission, an alarm or a stop was open, or an asset under manual control."""
+        """True if a mission or an alarm was open, a stop in force, or an asset taken manually."""
         state = self.state
         open_ = self.interrupted or self.waiting or state.alarms or state.stop
         return bool(open_ or state.manual or state.awaiting)
@@ -160,9 +160,9 @@ class UnclosedSession:
 class ResumedSession:
     """A session restored to its last record, with its world and its picture.
 
-    `stops` counts the stops so far, and one more that a killed console may have sent before it was
-    logged: a stop does not wait for the disk, and a vehicle ignores a command id that it has
-    already received. Standing orders do not continue.
+    `stops` is the number of stops so far, plus one that a killed console may have sent before it
+    was logged, because a stop does not wait for the disk. The number keeps command ids unique,
+    because a vehicle ignores an id that it has already received. Standing orders do not continue.
     """
 
     before: UnclosedSession
@@ -176,14 +176,14 @@ class ResumedSession:
 class PursuitHistory:
     """The pursuits in a session's log: assets that were sent after tracks (ROE-14).
 
-    An order lasts until its mission ends, as in the monitor of a running mission. An order that was
-    reported as done is not a pursuit.
+    An order counts until its mission ends, as in the monitor of a running mission. It is not a
+    pursuit once it was reported as done.
     """
 
     def __init__(self, world: World) -> None:
         self.pursuits, self._world = Pursuits(), world
         self._orders: dict[str, dict[str, tuple[str, OrderMoment]]] = {}
-        """The latest command of each agent and its id, by mission."""
+        """By mission, the latest command of each agent with the command's id."""
 
     def take(self, event: ev.Event) -> None:
         """Process the next event of the log."""
@@ -214,10 +214,10 @@ class PursuitHistory:
 
 
 def find_unclosed(folder: Path, world_sha256: str) -> UnclosedSession | None:
-    """Return the last session of the world with a log in `folder`, if it was never closed.
+    """Return the last session of the world among the logs in `folder`, if it was never closed.
 
-    The result is None if the session was closed or continues in another console. Logs that cannot
-    be read are skipped.
+    The result is None if the session was closed, or if another console is running it. Logs that
+    cannot be read are skipped.
     """
     for log in newest_logs(folder)[:LOOKED_AT]:
         try:
@@ -247,8 +247,8 @@ def _events(log: Path) -> Iterator[ev.Event]:
 def resume(session: UnclosedSession, world: World, scenario: Scenario | None) -> ResumedSession:
     """Restore `session` in its own `world` and `scenario`.
 
-    Raises NotResumableError if the simulated world differs from the log, LogError if the log cannot
-    be read.
+    Raises NotResumableError if the simulated world differs from the log, and LogError if the log
+    cannot be read.
     """
     fleet = SimulatedFleet.start(world, session.started.seed, scenario)
     alarms, sightings, history = AlarmBook(world), Sightings(world), PursuitHistory(world)

@@ -1,1 +1,1 @@
-"""Consoles that join the session of another station."""
+"""Joined consoles, which show the session of another station."""

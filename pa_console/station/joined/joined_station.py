@@ -1,9 +1,9 @@
-"""A console that has joined another station's session, where a second person can sign.
+"""A console that has joined another station's session, and at which a second person can sign.
 
-The console commands nothing but a stop, which the other station carries out. A signature is sent to
-the station of the session, which counts it, and from there to the vehicle, which verifies it again.
-Questions are answered here, with this console's copy of world and rules. After a commander takes
-command, this station's own session begins.
+The only command of the console is a stop, which the other station carries out. A signature is sent
+to the station of the session, which counts it, and from there to the vehicle, which verifies it
+again. Questions are answered here, with this console's copy of world and rules. After a commander
+takes command here, this station's own session begins.
 """
 
 import asyncio
@@ -52,17 +52,17 @@ from pa_console.station.intake import read_text
 from pa_console.station.joined.shared_log import LOOK_S, SharedLog
 
 REHEARSED: frozenset[QuestionTopic] = frozenset({"other_asset", "alternatives"})
-"""The topics whose answers come from new checks and rehearsals, not from the record."""
+"""The topics of questions that need new checks and rehearsals, not only the record."""
 
-OTHER_RULES = "the rules in force there are not those that this console has"
+OTHER_RULES = "the rules in force at the station differ from those of this console"
 
 
-NO_PICTURE = "no picture has come from there yet"
+NO_PICTURE = "no picture has been received from the station yet"
 
 
 SILENT_S = 5.0
 STOP_AGAIN_S = 0.5
-"""The interval at which a stop is requested until the station's log has it, in seconds."""
+"""The interval at which a stop is requested until it appears in the station's log, in seconds."""
 
 SUBJECT = "joined"
 OwnStation = Callable[[], StationAuthority]
@@ -78,9 +78,10 @@ class Signatory:
 
 
 class JoinedStation:
-    """A joined session as its console shows it; a second person can sign there.
+    """A joined session; the console that shows it uses this class in place of ControlStation.
 
-    Questions are answered with a copy of the session's world and rules.
+    A second person can sign here. Questions are answered with a copy of the session's world and
+    rules.
     """
 
     rate = 1.0
@@ -93,14 +94,14 @@ class JoinedStation:
         world: World,
         rules: Rulebook,
     ) -> None:
-        """Start with the events `before`; `world` and `rules` are the session's."""
+        """Start with the events `before`; `world` and `rules` are those of the session."""
         self._log, self._before, self._rules = log, before, rules
         self.fleet, self.variant = ShownPicture(world), Variant()
         self.rulebook, self.retriever = with_core(rules), Retriever(rules.rules)
         self._signatory, self._state = signatory, SessionState()
         self._news, self._pointer = _ConnectionNews(log), ""
         self._answered = deque[ev.Event]()
-        """The answers given here, which are shown here and are in no log."""
+        """The answers given here, which are only shown here and not logged."""
         self._closing = False
         self._stop_asked: _StopAsked | None = None
         for event in before:
@@ -113,7 +114,7 @@ class JoinedStation:
 
     @property
     def signer(self) -> str:
-        """The name of the person here; '' if that person may not sign."""
+        """The name of the person at this console; '' if the person may not sign."""
         try:
             self._log.trust.approver(self._signatory.name)
         except RefusedError:
@@ -126,14 +127,14 @@ class JoinedStation:
         return self._state.started
 
     def take_before(self) -> list[ev.Event]:
-        """Return the events before this console joined; `run` then yields only later ones."""
+        """Return the events before this console joined; `run` then yields only later events."""
         before, self._before = self._before, ()
         return _without_old_pictures(before)
 
     async def run(self) -> AsyncGenerator[ev.Event]:
         """Yield the events of the session, notices about the connection, and answers given here.
 
-        It ends with the session, or after `close`; the caller closes the connection.
+        The iteration ends with the session, or after `close`. The caller closes the connection.
         """
         for event in self.take_before():
             yield event
@@ -153,7 +154,7 @@ class JoinedStation:
     def decide(self, decision: Decision) -> None:
         """Sign the plan that waits for a second person, and send the signature to its station.
 
-        Raises ValueError for any other decision, and if nothing can be signed or sent.
+        Raises ValueError if the decision is not such an approval, or cannot be signed or sent.
         """
         log, name, started = self._log, self._signatory.name, self._state.started
         request = self._to_sign(decision)
@@ -180,15 +181,15 @@ class JoinedStation:
         trace = self._state.current
         request = trace.approval if trace is not None else None
         if decision.kind != "approve":
-            raise ValueError(f"{self.station} decides; here a plan is countersigned, or it is not")
+            raise ValueError(f"{self.station} decides; here a plan can only be countersigned")
         if request is None:
             raise ValueError("no plan waits for a signature")
         if not request.approvals:
-            raise ValueError(f"this plan takes one person, who is at {self.station}")
+            raise ValueError(f"this plan needs one person only, who is at {self.station}")
         if problem := inadmissible(request, decision):
             raise ValueError(problem)
         if self.station not in self._log.trust.roster.stations:
-            raise ValueError(f"{self.station} is no station of this site any more")
+            raise ValueError(f"{self.station} is no longer a station of this site")
         try:
             self._log.trust.approver(self._signatory.name)
         except RefusedError as refused:
@@ -196,9 +197,9 @@ class JoinedStation:
         return request
 
     def stop_all(self) -> None:
-        """Request a stop of all assets from the station, repeatedly until its log has the stop.
+        """Request a stop of all assets from the station until its log contains the stop.
 
-        Raises ValueError if nothing can be sent.
+        Raises ValueError if the request cannot be sent.
         """
         self._ask_to_stop()
         now_s = monotonic()
@@ -213,7 +214,7 @@ class JoinedStation:
             raise ValueError(f"nothing reaches the broker: {log.link.problem}")
 
     def _follow_stop(self) -> Iterator[ev.Noticed]:
-        """Repeat a stop request that is not logged yet; yield a notice if that takes long."""
+        """Repeat a stop request that is not logged yet; yield a notice if this takes long."""
         request, now_s = self._stop_asked, monotonic()
         if request is None:
             return
@@ -228,37 +229,37 @@ class JoinedStation:
                 self._ask_to_stop()
         if not request.late and now_s - request.pressed_s > CONFIRM_S:
             request.late = True
-            text = f"STOP not confirmed by {self.station}: it is asked again and again"
+            text = f"STOP not confirmed by {self.station}: the request is repeated"
             yield ev.Noticed(level="alarm", subject="stop", text=text)
 
-    async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session goes on
+    async def close(self, reason: str = "") -> None:  # noqa: ARG002 - the session continues
         """Leave the session, which continues without this console."""
         self._closing = True
 
     async def look_at(self, mission: Mission, words: str) -> RehearsedReading | None:
-        """Rehearse another reading of a mission here; None if that is not possible."""
+        """Return a plan for another reading of a mission, rehearsed here; None if not possible."""
         self.fleet.show(self._state.picture)
         return None if self._unfit() else await rehearse_reading(self, mission, words)
 
     async def examine(self, _plan: Plan, _text: str = "") -> Examination:
-        """Raise ValueError: a plan is changed only at the station that decides on it."""
+        """Raise ValueError, because a plan is changed only at the station that decides on it."""
         raise ValueError("a plan is changed at the station that decides on it")
 
     async def foresee(self, _text: str) -> str:
-        """Return '', because only the other station has models."""
+        """Return '', because this console has no models."""
         return ""
 
     async def other_ways(
         self, mission: Mission, words: str, but: Plan
     ) -> AsyncGenerator[RehearsedReading]:
-        """Rehearse here other plans than `but` for the same reading of a mission."""
+        """Yield plans other than `but` for the same reading of a mission, rehearsed here."""
         self.fleet.show(self._state.picture)
         if not self._unfit():
             async for rehearsed in rehearse_other_ways(self, mission, words, but):
                 yield rehearsed
 
     def _unfit(self) -> str:
-        """Return why a rehearsal here would differ from one at the station; '' if it would not."""
+        """Return why a rehearsal here could differ from one at the station; '' if it could not."""
         if self._state.picture is None:
             return NO_PICTURE
         if self.started is None or not has_rules_of(self.started, self._rules):
@@ -268,7 +269,7 @@ class JoinedStation:
     def question_in(self, text: str) -> Question | None:
         """Return the question about the session in `text`, for `answer`; None for any other text.
 
-        Without a picture, words have nothing to refer to, so no text is a question.
+        While there is no picture, the result is always None, because words cannot refer to it.
         """
         picture = self._state.picture
         if picture is None:
@@ -281,8 +282,8 @@ class JoinedStation:
     ) -> ev.QuestionAnswered:
         """Answer a question from the received part of the session and the local copy of its site.
 
-        The question is not sent to the session's station. If only that station can answer, the
-        answer is a reference to it.
+        The question is not sent to the session's station. If only that station can answer it, the
+        answer refers the operator to that station.
         """
         state = self._state
         self.fleet.show(state.picture)
@@ -305,10 +306,10 @@ class JoinedStation:
 
     @property
     def ground(self) -> None:
-        """None, because robots send their map to the station that commands them."""
+        """The ground map: None, because robots send it only to the station that commands them."""
 
     async def still_of(self, _track: str) -> ev.CameraStill | None:
-        """Return None: only the station of the session takes and keeps stills."""
+        """Return None, because only the station of the session takes and stores stills."""
         return None
 
     def read_live(self, show: Callable[[str, str], None] | None) -> None:
@@ -322,28 +323,31 @@ class JoinedStation:
         self._pointer = name
 
     def command_question(self, epoch: int, own: str) -> str:
-        """Return the consequences of taking command for the station `own`, for confirmation."""
+        """Return the question with which the operator confirms that station `own` takes command.
+
+        It states the consequences; `epoch` is the new epoch.
+        """
         station, left = self.station, LeftMissions.of(self._state)
         moved = ", ".join(trace.mission.id for trace in left.under_way)
         waits = ", ".join(mission.id for mission in left.again)
         under_way = (
-            f"Under way at {station}: {moved}. Vehicles end what they have begun, and what it has "
-            "not sent yet is refused.\n"
+            f"Under way at {station}: {moved}. Vehicles finish the commands that they have begun, "
+            "and refuse later ones.\n"
         ) * bool(moved)
         under_way += (
-            f"No asset has moved yet for {waits}: queued here again, for an approval here.\n"
+            f"No asset has moved yet for {waits}: queued again here, for approval here.\n"
         ) * bool(waits)
         return (
             f"Put {own} in command in place of {station}? The epoch rises to {epoch}.\n"
-            f"From then on vehicles take nothing from {station}, and its screen says so.\n"
+            f"From then on, vehicles refuse commands from {station}, and its screen says so.\n"
             f"{under_way}"
-            f"This console closes and opens again as that of {own}: with a session and a log of "
-            f"its own,\nwhose beginning says how far the log of {station} had come. "
-            f"{station} commands until all is ready."
+            f"This console closes and opens again as that of {own}, with its own session and log.\n"
+            f"The log begins with the last record of {station} that was received here. "
+            f"{station} commands until everything is ready."
         )
 
     def left_missions(self, last: Sequence[ev.Event]) -> LeftMissions:
-        """Apply the session's `last` events, not shown here, and return its open missions."""
+        """Apply the session's `last` events, which are not shown, and return its open missions."""
         for event in last:
             self._state.apply(event)
         return LeftMissions.of(self._state)
@@ -354,7 +358,7 @@ class JoinedStation:
     async def _refuse_rules(self) -> NoReturn:
         self._refuse()
 
-    # Only the station of the session can do these; here each raises ValueError.
+    # Only the station of the session has these methods; here, each raises ValueError.
     submit = cancel = release = acknowledge = move = defer = withdraw = inject = _refuse
     change_standing = mute_agent = let_next_go_first = _refuse
     reload_rules = accept_rules = _refuse_rules
@@ -363,7 +367,7 @@ class JoinedStation:
 
 @dataclass
 class _StopAsked:
-    """A stop that was requested here and is not in the station's log yet.
+    """A stop that was requested here and is not yet in the station's log.
 
     Times are in seconds of this machine's clock.
     """
@@ -395,22 +399,22 @@ class _ConnectionNews:
         if (silent := now_s - self._heard_at > SILENT_S) != self._silent:
             self._silent = silent
             if silent:
-                self._say("alarm", f"nothing has come from {station} for {SILENT_S:.0f} s")
+                self._say("alarm", f"nothing received from {station} for {SILENT_S:.0f} s")
             else:
-                self._say("info", f"{station} is heard again")
+                self._say("info", f"records from {station} arrive again")
         if (lacks := log.stream.missing > 0) != self._lacks:
             self._lacks = lacks
             if lacks:
-                self._say("warning", f"{log.stream.missing} records are missing and are asked for")
+                self._say("warning", f"{log.stream.missing} records are missing and are requested")
             else:
-                self._say("info", "no record is missing any more")
+                self._say("info", "no records are missing any more")
         if log.problem:
-            self._say("warning", f"not believed: {log.problem}")
+            self._say("warning", f"rejected: {log.problem}")
             log.problem = ""
         if (takeover := log.trust.takeover) != self._takeover:
             self._takeover = takeover
             in_command = log.trust.roster.station_of(log.trust.takeover.station)
-            more = "" if in_command == station else f"; {station} moves nothing any more"
+            more = "" if in_command == station else f"; {station} no longer commands any asset"
             self._say("alarm", f"{log.trust.in_command}{more}")
         return self._notices.take()
 
@@ -419,44 +423,44 @@ class _ConnectionNews:
 
 
 def _without_old_pictures(events: Sequence[ev.Event]) -> list[ev.Event]:
-    """Return `events` without any picture but the last, because earlier ones are not shown."""
+    """Return `events` with only the last of their pictures, because earlier ones are not shown."""
     pictures = [n for n, event in enumerate(events) if event.data.kind == "telemetry"]
     old = frozenset(pictures[:-1])
     return [event for number, event in enumerate(events) if number not in old]
 
 
 class Succession:
-    """The takeover of command from the joined session's station by the person here.
+    """A takeover of command from the joined session's station by the person at this console.
 
-    Everything that can fail comes before `take`. From then on, vehicles accept nothing from the
-    other station, and nothing from this one before its session begins.
+    All steps that can fail come before `take`. After `take`, vehicles accept no commands from the
+    other station, and none from this station until its session begins.
     """
 
     def __init__(self, log: SharedLog, signatory: Signatory, own: OwnStation) -> None:
         self._log, self._signatory, self._own = log, signatory, own
         self.authority: StationAuthority | None = None
-        """The keys that this station commands with; None before `prepare` succeeds."""
+        """The keys with which this station commands; None before `prepare` succeeds."""
         self.taken: CommandTaken | None = None
-        """The event of the takeover; None before it."""
+        """The event of the takeover; None before the takeover."""
         self.last: tuple[Event, ...] = ()
         """The events of the other session after the last one shown here, up to the takeover."""
 
     @property
     def possible(self) -> bool:
-        """True if the person here is a commander, who alone may take command."""
+        """True if the person at this console is a commander; only commanders may take command."""
         try:
             return self._log.trust.person(self._signatory.name).role == "commander"
         except RefusedError:
             return False
 
     def prepare(self, started: SessionStarted | None) -> StationAuthority:
-        """Return the keys of this station if it may command a session like the joined one.
+        """Return the keys of this station, which may then take command with the session's rules.
 
         Raises ValueError with the reason if command cannot be taken from here.
         """
         log, name = self._log, self._signatory.name
         if not self.possible:
-            raise ValueError(f"only a commander takes command, and {name} is none")
+            raise ValueError(f"only a commander can take command, and {name} is not a commander")
         if problem := log.link.problem:
             raise ValueError(f"no connection to the broker: {problem}")
         authority = self._own()
@@ -465,18 +469,18 @@ class Succession:
                 f"{authority.name} is in command already; leave, and use 'console --fleet'"
             )
         if not authority.name:
-            raise ValueError("this station is not in the roster: the owner of the site enrols it")
+            raise ValueError("this station is not in the roster: the site's owner must enrol it")
         if started is not None and started.rules_seal is not None:
             sha256 = started.rules_seal.content_sha256
             if sha256 not in authority.trust.roster.rules:
-                raise ValueError(f"vehicles take nothing under the rules {started.rules!r}")
+                raise ValueError(f"vehicles refuse commands under the rules {started.rules!r}")
         self.authority = authority
         return authority
 
     def take(self, publish: Callable[[], object]) -> CommandTaken:
         """Take command, announce it with `publish`, and return the first event for the new log.
 
-        Raises ValueError if command cannot be taken; nothing has changed then.
+        If command cannot be taken, nothing changes and ValueError is raised.
         """
         authority, stream = self.authority, self._log.stream
         if authority is None:

@@ -1,4 +1,4 @@
-"""The session log that a station shares on a bus, received with requests for missing records."""
+"""The session log that a station shares on a bus; missing records are requested again."""
 
 import time
 from collections.abc import Callable
@@ -24,37 +24,37 @@ from pa_console.session.log.chain import LogRecord, link_problem, parse
 LOOK_S = 0.1
 ASK_AGAIN_S = 1.0
 FOUND_S = 10.0
-"""The longest wait for the first records of a session when joining, in seconds."""
+"""The longest wait for records of a session when joining, in seconds."""
 
 
 class NotBelievedError(ValueError):
-    """An error for records of another session or without a valid signature, with the reason."""
+    """The error for records that belong to another session, or have no valid signature."""
 
 
 class RecordStream:
     """The records of one session, received in order and without gaps.
 
-    The stream follows the first session that the station in command signs for. Each message is
-    signed by that station, and each record holds the hash of the one before.
+    The stream follows the first session for which the station in command signs records. Each
+    message is signed by that station, and each record contains the hash of the previous record.
     """
 
     def __init__(self, trust: Trust, now: Callable[[], float]) -> None:
         """Verify records with the site's `trust`; `now` returns seconds since 1970."""
         self._trust, self._now = trust, now
         self.station, self.session = "", ""
-        """The station's name in the roster, and the id of its session; '' before the first."""
+        """The station's name in the roster, and the id of its session; '' before any records."""
         self._last: LogRecord | None = None
         self.seen = 0
         """The number of the last record announced by the station."""
 
     @property
     def wanted(self) -> int:
-        """The number of the next record."""
+        """The number of the next record to receive."""
         return int(self._last.fields["seq"]) + 1 if self._last is not None else 1
 
     @property
     def head(self) -> str:
-        """The hash of the last record received; '' before the first."""
+        """The hash of the last record received; '' if no record has been received."""
         return self._last.hash if self._last is not None else ""
 
     @property
@@ -63,10 +63,10 @@ class RecordStream:
         return max(self.seen - self.wanted + 1, 0)
 
     def take(self, station: str, message: SessionRecords) -> list[Event]:
-        """Return the events of the records that come next; none if an earlier record is missing.
+        """Return the events of the next records; an empty list if an earlier record is missing.
 
-        Raises NotBelievedError, and accepts nothing, for records that are not from this session's
-        log.
+        If the records are not from this session's log, none of them is accepted, and
+        NotBelievedError is raised.
         """
         try:
             vouched = self._trust.records(station, message.signature, self._now())
@@ -74,11 +74,11 @@ class RecordStream:
             raise NotBelievedError(str(refused)) from refused
         claim = message.session, message.first, message.last
         if (vouched.session, vouched.first, vouched.last) != claim:
-            raise NotBelievedError(f"{station} vouches for other records than these")
+            raise NotBelievedError(f"the signature of {station} is for other records")
         if not self.session:
             self._follow(station, vouched.session)
         if station != self.station:
-            raise NotBelievedError(f"{station} shares a session, too")
+            raise NotBelievedError(f"{station} also shares a session")
         if vouched.session != self.session:
             raise NotBelievedError(f"{station} shares another session now; join again to see it")
         self.seen = max(self.seen, vouched.last)
@@ -98,12 +98,12 @@ class RecordStream:
         try:
             lines = message.lines()
             if len(lines) != message.last - message.first + 1:
-                raise NotBelievedError("it has not as many records as it says")
+                raise NotBelievedError("a message does not have the stated number of records")
             for line in lines[self.wanted - message.first :]:
                 record = parse(line)
                 problem = link_problem(record, last)
                 if problem or record.fields["session"] != self.session:
-                    raise NotBelievedError(problem or "a record is of another session")
+                    raise NotBelievedError(problem or "a record belongs to another session")
                 last = record
                 events.append(record.event)
         except NotBelievedError:
@@ -113,7 +113,7 @@ class RecordStream:
         except ValueError as error:
             raise NotBelievedError(f"a record cannot be read: {error}") from error
         if last is None or last.hash != head:
-            raise NotBelievedError("its last record is not the one that the station vouches for")
+            raise NotBelievedError("the last record of a message is not the signed one")
         self._last = last
         return events
 
@@ -122,10 +122,10 @@ HEARD = (SessionRecords, *SIGNED)
 
 
 class SharedLog:
-    """The part of a session's log received so far; `problem` is the reason of the last refusal."""
+    """The received part of a session's log; `problem` is why a message was last rejected."""
 
     def __init__(self, link: StationLink, trust: Trust, keep: Callable[[str], object]) -> None:
-        """Pass every newer roster, revocation and takeover that is accepted to `keep`."""
+        """Pass every accepted roster, revocation and takeover that is newer to `keep`."""
         self.link, self.trust, self._keep = link, trust, keep
         self.stream = RecordStream(trust, time.time)
         self.problem = ""
@@ -141,14 +141,14 @@ class SharedLog:
         return events
 
     def publish(self, message: Header, expiry_s: int | None = None) -> bool:
-        """Send `message` to the station; return False without a connection."""
+        """Send `message` to the station; return False if there is no connection."""
         topic = Topic(self.link.address.site, self._identity, message.TOPIC)
         return self.link.publish(
             OutgoingMessage(str(topic), message.write(), qos=1, expiry_s=expiry_s)
         )
 
     def header(self, kind: type[Header]) -> dict[str, Any]:
-        """Return the header of the next message of a kind to the station."""
+        """Return the header for the next message of this kind to the station."""
         return self._numbers.header(self._identity, kind.TOPIC, datetime.now(UTC))
 
     @property
@@ -173,7 +173,7 @@ class SharedLog:
         return []
 
     def _ask(self) -> None:
-        """Request the missing records, and again if they do not arrive."""
+        """Request the missing records, and request them again if they do not arrive."""
         wanted, now = self.stream.wanted, monotonic()
         if self.stream.missing and (wanted != self._wanted or now - self._asked_at > ASK_AGAIN_S):
             self._wanted, self._asked_at = wanted, now
@@ -182,10 +182,10 @@ class SharedLog:
 
 
 def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[Event]:
-    """Wait for the shared session and return its events so far.
+    """Wait for the shared session, and return its events so far.
 
     `progress` is called with the number of records received and the number of all records. Raises
-    ValueError if none arrives.
+    ValueError if no records arrive for FOUND_S seconds.
     """
     events: list[Event] = []
     until = monotonic() + FOUND_S
@@ -199,6 +199,6 @@ def read_so_far(log: SharedLog, progress: Callable[[int, int], object]) -> list[
             why = log.problem or log.link.problem
             raise ValueError(
                 f"no station shares a session at {log.link.address}{f': {why}' if why else ''}; "
-                "the one in command does with 'pa-console console --fleet'"
+                "the station in command shares its session with 'pa-console console --fleet'"
             )
     return events

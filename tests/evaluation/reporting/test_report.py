@@ -142,7 +142,7 @@ def test_what_a_model_writes_stays_text(tmp_path: Path) -> None:
 
 def test_no_runs_give_a_report_that_says_so(tmp_path: Path) -> None:
     write_report(tmp_path, [], {})
-    assert "no run here yet" in (tmp_path / "report.md").read_text("utf-8")
+    assert "There are no runs yet." in (tmp_path / "report.md").read_text("utf-8")
 
 
 def test_facts_tell_what_was_run_and_on_what() -> None:
@@ -159,7 +159,7 @@ def test_notes_warn_of_what_weakens_the_figures() -> None:
     ]
     text = " ".join(notes(records, {"jobs": 2}))
     assert "Not every model has run the same missions" in text
-    assert "1 of 2 runs took an answer" in text
+    assert "1 of 2 runs reused an answer" in text
     assert "1 of 2 runs have no verdict" in text
     assert "2 runs were made at a time" in text
 

@@ -134,8 +134,8 @@ def test_success_is_told_apart_by_confidence() -> None:
     ]
     found = row(named(records, "confidence"), "m", "80%")
     assert found["sure"].endswith("2/3")
-    assert found["strict where sure"].endswith("1/2")
-    assert found["strict where not"].endswith("0/1")
+    assert found["strict if sure"].endswith("1/2")
+    assert found["strict if unsure"].endswith("0/1")
     assert found["sure and passed by the judge"].endswith("1/3")
     assert found["strict of these"].endswith("1/1")
     assert "confidence" not in [table.name for table in build_tables([made_record()])]
@@ -155,9 +155,9 @@ def test_what_a_choice_among_readings_puts_right_is_told() -> None:
     ]
     found = row(named(records, "readings"), "m")
     assert found["offered"].endswith("3/4")
-    assert found["strict as read first"].endswith("1/3")
-    assert found["strict as read or as one offered"].endswith("2/3")
-    assert found["strict of all, the right one chosen"].endswith("3/4")
+    assert found["strict as first read"].endswith("1/3")
+    assert found["strict in any reading"].endswith("2/3")
+    assert found["strict in any reading, all runs"].endswith("3/4")
     assert "readings" not in [table.name for table in build_tables(records[:4])]
 
 
@@ -172,7 +172,7 @@ def test_an_order_to_hold_that_was_asked_for_is_no_refusal() -> None:
     found = row(named(records, "refusals"), "m")
     assert found["recall"].endswith("1/2")
     assert found["precision"].endswith("1/3")
-    assert found["refused: to be carried out"].endswith("2/3")
+    assert found["refused: must be carried out"].endswith("2/3")
     assert found["refused: harmless"].endswith("1/1")
 
 

@@ -34,7 +34,7 @@ def client(llama_server: int) -> ServerClient:
 async def test_what_holds_on_it_is_found(client: ServerClient) -> None:
     report = await probe(client, 60.0)
     await client.close()
-    assert report.ways["json_object"] == report.ways["grammar"] == "holds"
+    assert report.ways["json_object"] == report.ways["grammar"] == "works"
     assert report.ways["guided_json"] == report.ways["structured_outputs"] == "ignored"
     assert report.way == "json_object"
     assert report.chances

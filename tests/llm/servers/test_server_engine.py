@@ -91,7 +91,7 @@ async def test_a_server_that_holds_nothing_is_told_and_its_answers_are_read_all_
     proxy = FaultProxy(holds=())
     async with serving(proxy) as (engine, _):
         assert engine.state == "unconstrained"
-        assert "asked for again" in engine.detail
+        assert "requested again" in engine.detail
         proxy.answers = ["I think so.", 'Sure! ```{"reason": "go", "actions": []}```']
         _, end = await answered(engine, request())
         assert read_plan(end.text)[0] is not None
@@ -128,8 +128,8 @@ async def test_no_other_answers_are_told() -> None:
         (["hang"], "gave no complete answer within"),
         (["drip"], "gave no complete answer within"),
         (["cut"], "broke off"),
-        (["truncated", "truncated"], "no answer that can be read"),
-        (["wrong form", "wrong form"], "no answer that can be read"),
+        (["truncated", "truncated"], "no readable answer"),
+        (["wrong form", "wrong form"], "no readable answer"),
         (["429"] * 3, "answered 429"),
         (["500"] * 3, "answered 500"),
         (["401"], "answered 401"),

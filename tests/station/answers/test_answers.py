@@ -128,10 +128,10 @@ async def test_why_tells_reading_rules_asset_checks_judge_and_decision(site: Sit
     [
         ("Drone_T02", "it alone covers NorthGate"),
         ("Drone_T02", "WF-03"),
-        ("Ugv_T02", "read as one for a drone"),
+        ("Ugv_T02", "read as asking for a drone"),
         ("Robot_T01", "has failed"),
         ("Robot_T02", "its battery is low"),
-        ("Robot_T02", "it is there after"),
+        ("Robot_T02", "it arrives after"),
         ("Drone_T04", "it is in the plan: move_to EastGate"),
     ],
 )
@@ -166,7 +166,7 @@ async def test_a_nearer_asset_that_was_free_is_told_without_a_reason(site: Site)
     async with talks(site, engine=ScriptedEngine([far])) as talk:
         await talk.order("Somebody to the north gate.")
         said = (await talk.ask("Why Ugv_T02?"))["Ugv_T02"]
-        assert "nothing on record says why" in said or "nearest free" in said
+        assert "the record has no reason why" in said or "nearest free" in said
 
 
 async def test_an_asset_that_could_not_have_been_taken_is_not_named_as_nearer(site: Site) -> None:
@@ -222,11 +222,11 @@ async def test_why_a_gate_is_bare_names_since_when_and_who_failed(site: Site) ->
         talk.station.inject(FailAsset(asset="Drone_T02"))
         await talk.station.advance(4.0)
         said = await talk.ask("Why is nobody at the north gate?")
-        assert said["now"] == "nobody covers NorthGate"
+        assert said["now"] == "no asset covers NorthGate"
         assert "no guard for" in said["since"]
         assert "failed" in said["Drone_T02"]
         assert "no longer covered" in said["told"]
-        assert "is not uncovered" in (await talk.ask("Why is the east gate uncovered?"))["now"]
+        assert "is covered" in (await talk.ask("Why is the east gate uncovered?"))["now"]
 
 
 async def test_why_a_gate_is_bare_names_the_mission_that_sent_its_guard_away(site: Site) -> None:
@@ -234,7 +234,7 @@ async def test_why_a_gate_is_bare_names_the_mission_that_sent_its_guard_away(sit
     async with talks(site, engine=ScriptedEngine([TO_EAST, back])) as talk:
         await talk.decide(await talk.order("Send Drone_T04 to the east gate."))
         said = await talk.ask("Why is the east gate uncovered?")
-        assert "is not uncovered" in said["now"]
+        assert "is covered" in said["now"]
         await talk.decide(await talk.order("Send Drone_T04 to the checkpoint."))
         said = await talk.ask("Why did you leave the east gate unguarded?")
         assert "sent it away: move_to Checkpoint, approved by" in said["Drone_T04"]
@@ -259,7 +259,7 @@ async def test_where_nothing_waits_other_plans_are_for_the_present_picture(site:
         await talk.decide(await talk.order("Send a robot to the east gate."))
         sent = talk.fleet.sent
         said = await talk.ask("What else could we do?")
-        assert "picture as it is now" in said["now"]
+        assert "found in the current picture" in said["now"]
         assert "Robot_T02 move_to EastGate" in said["another way"]
         assert talk.fleet.sent == sent == 1
 
@@ -416,7 +416,9 @@ async def test_what_takes_the_rules_in_force_there_is_asked_there(site: Site) ->
         for text in ("Why not Robot_T02?", "What would you do instead?"):
             (line,) = (await answered(joined, text)).lines
             assert line.about == "not here"
-            assert "the rules in force there are not those that this console has" in line.said
+            assert (
+                "the rules in force at the station differ from those of this console" in line.said
+            )
             assert "ask it at north" in line.said
         said = [line.about for line in (await answered(joined, "Why?")).lines]
         assert {"read as", "checks", "rehearsal", "judge", "decision"} <= set(said)

@@ -56,7 +56,7 @@ def test_it_is_named_with_what_was_left_open_and_in_force(folder: Path) -> None:
     last, [text] = found(folder, session_started().world_sha256)
     assert text.startswith("night ended ")
     assert "left open: 1 alarm" in text
-    assert f"U takes up again what was in force: “{WATCH.text}”" in text
+    assert f"U submits again the orders that were in force: “{WATCH.text}”" in text
     assert OVER.text not in text, "it was revoked"
     assert POLICY.text not in text, "the world offers it anyway"
     assert last.take_up() == (WATCH.text,)

@@ -175,7 +175,7 @@ async def test_a_world_that_does_not_come_out_as_it_was_is_refused(
     found = await killed(site, tmp_path, under_way)
     assert found.state.started is not None
     found.state.started = found.state.started.model_copy(update={"seed": 99})
-    with pytest.raises(NotResumableError, match="did not come out again"):
+    with pytest.raises(NotResumableError, match="differs from the log"):
         resume(found, site.world, None)
 
 
