@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
-from pa_console.schema.finding import Finding, Usage, Verdict
+from pa_console.schema.finding import Finding, FindingStatus, Usage, Verdict
 from pa_console.schema.mission import (
     ApprovalState,
     Decision,
@@ -17,7 +17,7 @@ from pa_console.schema.mission import (
 )
 from pa_console.schema.plan import Action, Plan
 from pa_console.schema.rehearsal import Rehearsal
-from pa_console.schema.rule import RuleHit
+from pa_console.schema.rule import Priority, RuleHit
 from pa_console.schema.telemetry import Digest
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
 
@@ -97,7 +97,10 @@ class Attempt:
         if isinstance(self.stored_rehearsal, Rehearsal):
             text = self.stored_rehearsal.model_dump_json()
             self.stored_rehearsal = zlib.compress(text.encode())
-        self.findings = tuple(map(_shared, self.findings))
+        self.findings = tuple(
+            _shared(finding.rule_id, finding.priority, finding.status, finding.message)
+            for finding in self.findings
+        )
 
     @property
     def sure(self) -> float | None:
@@ -136,9 +139,9 @@ class Attempt:
 
 
 @lru_cache(maxsize=1024)
-def _shared(finding: Finding) -> Finding:
-    """Return the same object for equal findings."""
-    return finding
+def _shared(rule_id: str, priority: Priority, status: FindingStatus, message: str) -> Finding:
+    """Return a finding, the same object for the same values."""
+    return Finding(rule_id=rule_id, priority=priority, status=status, message=message)
 
 
 @lru_cache(maxsize=16)

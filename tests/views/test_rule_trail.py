@@ -102,7 +102,7 @@ def test_a_decision_leads_back_to_the_telemetry_it_was_made_by() -> None:
     broken = finding().model_copy(update={"message": "not identified: V1 at WestGate"})
     attempt = Attempt(1, plan=plan, findings=(broken, finding("complies", "ROE-01")))
     assert evidence_of(attempt) is None
-    attempt.rehearsal = example_rehearsal(example, plan)
+    attempt.rehearsal = rehearsal = example_rehearsal(example, plan)
     found = evidence_of(attempt)
     assert found is not None
     assert found.deciding == (broken,)
@@ -112,7 +112,7 @@ def test_a_decision_leads_back_to_the_telemetry_it_was_made_by() -> None:
     assert facts["WestGate"] == "covered by Drone_T01; tracks: V1"
     assert "identity unknown" in facts["V1"]
     assert "last detected 2.0 s earlier" in facts["V1"]
-    assert found.time_s == attempt.rehearsal.before.time_s
+    assert found.time_s == rehearsal.before.time_s
     assert set(facts) - {"V1"} <= {*WORLD.assets, *WORLD.frames}
     attempt.findings = (finding("complies", "ROE-01"), finding("not_applicable"))
     held = evidence_of(attempt)

@@ -1,8 +1,8 @@
 """Commands added to a plan so that gates stay covered and unknown tracks are observed.
 
-If the last guard leaves a gate, another asset replaces it (WF-03). If the gap would be too long, the
-guard waits for its relief. If a ground asset goes to an unknown track, a drone observes that track
-(WF-02).
+If the last guard leaves a gate, another asset replaces it (WF-03). If the gap would be too long,
+the guard waits for its relief. If a ground asset goes to an unknown track, a drone observes that
+track (WF-02).
 """
 
 import math
