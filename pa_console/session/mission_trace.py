@@ -3,6 +3,7 @@
 import zlib
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import cast
 
 from pa_console.schema.command import CommandReply, DeviceCommand
 from pa_console.schema.events import event as ev
@@ -20,6 +21,22 @@ from pa_console.schema.rehearsal import Rehearsal
 from pa_console.schema.rule import Priority, RuleHit
 from pa_console.schema.telemetry import Digest
 from pa_console.session.confidence import UNSURE, Evidence, calibrated_confidence
+
+
+@lru_cache(maxsize=16)
+def _unpacked(stored: bytes) -> Rehearsal:
+    return Rehearsal.model_validate_json(zlib.decompress(stored))
+
+
+class _PackedRehearsal:
+    """The rehearsal of an attempt, which `Attempt.pack` compresses."""
+
+    def __get__(self, attempt: object, _: type | None = None) -> Rehearsal | None:
+        stored = vars(attempt).get("rehearsal") if attempt is not None else None
+        return _unpacked(stored) if isinstance(stored, bytes) else stored
+
+    def __set__(self, attempt: object, rehearsal: Rehearsal | None) -> None:
+        vars(attempt)["rehearsal"] = rehearsal
 
 
 @dataclass
@@ -51,8 +68,8 @@ class Attempt:
     """The parts of the order that the plan leaves out, each with its reason."""
     gaps: tuple[str, ...] = ()
     """The mismatches between the words of the order and the reading that the plan is for."""
-    stored_rehearsal: Rehearsal | bytes | None = None
-    """The last rehearsal of the plan; compressed once the mission has finished."""
+    rehearsal: Rehearsal | None = cast("Rehearsal | None", _PackedRehearsal())  # noqa: RUF009
+    """The last rehearsal of the plan; None if it was not rehearsed."""
     rehearsal_s: float = 0.0
     if_halted: tuple[Action, ...] = ()
     """The way to safety that was declared with the request for approval."""
@@ -82,21 +99,11 @@ class Attempt:
     made_s: float | None = None
     """The time of the first rehearsal, in simulated seconds; `rehearsal` is the latest one."""
 
-    @property
-    def rehearsal(self) -> Rehearsal | None:
-        """The last rehearsal of the plan; None if it was not rehearsed."""
-        stored = self.stored_rehearsal
-        return _unpacked(stored) if isinstance(stored, bytes) else stored
-
-    @rehearsal.setter
-    def rehearsal(self, rehearsal: Rehearsal) -> None:
-        self.stored_rehearsal = rehearsal
-
     def pack(self) -> None:
         """Reduce the memory of a finished mission: compress the rehearsal, share equal findings."""
-        if isinstance(self.stored_rehearsal, Rehearsal):
-            text = self.stored_rehearsal.model_dump_json()
-            self.stored_rehearsal = zlib.compress(text.encode())
+        if self.rehearsal is not None:
+            text = self.rehearsal.model_dump_json()
+            vars(self)["rehearsal"] = zlib.compress(text.encode())
         self.findings = tuple(
             _shared(finding.rule_id, finding.priority, finding.status, finding.message)
             for finding in self.findings
@@ -142,11 +149,6 @@ class Attempt:
 def _shared(rule_id: str, priority: Priority, status: FindingStatus, message: str) -> Finding:
     """Return a finding, the same object for the same values."""
     return Finding(rule_id=rule_id, priority=priority, status=status, message=message)
-
-
-@lru_cache(maxsize=16)
-def _unpacked(stored: bytes) -> Rehearsal:
-    return Rehearsal.model_validate_json(zlib.decompress(stored))
 
 
 @dataclass

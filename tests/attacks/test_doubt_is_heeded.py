@@ -107,7 +107,7 @@ def test_an_order_that_demands_and_forbids_the_same_moves_nobody(
     models.read("Drone_T01 home", *orders)
     code, done = auto("Send Drone_T01 home. Do not send Drone_T01 home.")
     assert (code, done["status"], done["commands"]) == (3, "held", {})
-    assert "“Send Drone_T01 home” and “Do not send Drone_T01 home” exclude" in done["reason"]
+    assert "“Send Drone_T01 home” and “Do not send Drone_T01 home” contradict" in done["reason"]
 
 
 def test_an_order_read_rightly_and_surely_is_carried_out(auto: Auto, models: Readers) -> None:
