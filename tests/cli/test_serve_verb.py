@@ -57,7 +57,7 @@ def test_a_session_is_served_to_whoever_has_the_token_and_ends_in_order(
 def test_a_wrong_name_for_a_judge_on_a_server_is_refused(verb: tuple[str, ...], call: Call) -> None:
     refused = call("--set", "judge_server=nonsense", *verb)
     assert refused.code == 2
-    assert "judge_server: 'nonsense' is no model on a server" in refused.said
+    assert "judge_server: 'nonsense' is not a model on a server" in refused.said
 
 
 def test_a_token_is_made_listed_and_revoked(keys: Path, call: Call) -> None:

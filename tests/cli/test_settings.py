@@ -57,7 +57,7 @@ def test_a_setting_is_set_checked_and_unset(call: Call, file: Path) -> None:
     assert file.read_text().endswith("keys:\n  stop: f11\napproval_delay_s: 2.0\n")
     for words, says in (
         (("approval_delay_s", "60"), "from 0.2 to 10"),
-        (("keys.stop", "tab"), "moving about"),
+        (("keys.stop", "tab"), "move around"),
         (("model", "smollm"), "smollm2-135m"),
         (("nothing", "1"), "unknown setting"),
         (("logs", str(file)), "is not a folder"),

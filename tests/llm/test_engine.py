@@ -313,7 +313,7 @@ async def test_an_abandoned_answer_does_not_delay_the_next(engine: Engine):
 
 
 async def test_a_prompt_longer_than_the_context_is_refused(engine: Engine):
-    with pytest.raises(PromptRefusedError, match=r"\d+ tokens .* context of 4096"):
+    with pytest.raises(PromptRefusedError, match=r"\d+ tokens.* context of 4096"):
         await answer(engine, replace(BRIEF, user="word " * 5000))
     assert (await answer(engine, BRIEF)).finish == "stop"
 
