@@ -36,9 +36,10 @@ def keep_search_path() -> None:
 
 @contextmanager
 def isolated_workers() -> Generator[None]:
-    """Make the libraries in the block start processes without imports from the working folder.
+    """Keep processes started in the `with` block from importing from the working folder.
 
-    `multiprocessing`, which Dask uses too, passes on the environment, but not an option like `-P`.
+    This includes processes that libraries start. `multiprocessing`, which Dask also uses, passes
+    the environment on to its processes, but not an option such as `-P`.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"

@@ -1,7 +1,7 @@
 """The recording of a run's true state, and the facts that success conditions refer to as `run`.
 
-A recording has the true state at every sample, and the orders. The facts are plain values from the
-recording. Times are in simulated seconds since the mission's command; -1.0 means that the event
+A recording contains the true state at every sample, and the orders. The facts are plain values from
+the recording. Times are in simulated seconds since the mission was given; -1.0 means that the event
 never happened. Positions and distances are in metres. The name of a place is '' if there is none:
 for an asset between frames or without a post, and for an order without a frame.
 """
@@ -51,7 +51,7 @@ class RuleBreach(StrictModel):
 
 
 class Sample(NamedTuple):
-    """The true state at `time_s`; `cover` has the assets that cover each gate."""
+    """The true state at `time_s`; `cover` maps each gate to the assets that cover it."""
 
     time_s: float
     assets: dict[str, AssetTelemetry]
@@ -74,7 +74,7 @@ class IssuedCommand:
 
 @dataclass(slots=True)
 class RunRecording:
-    """The samples in order of time, the first at the mission's command, and the orders."""
+    """The samples in order of time, beginning when the mission is given, and the orders."""
 
     world: World
     command: str
@@ -83,7 +83,7 @@ class RunRecording:
 
     @property
     def start(self) -> Sample:
-        """The truth at the time of the command."""
+        """The truth at the time at which the mission is given."""
         return self.samples[0]
 
     @property
@@ -193,7 +193,7 @@ class CoverageFact(StrictModel):
 class TrackFact(StrictModel):
     """A vehicle or person, and the times of its events.
 
-    An event before the command has the time 0.0. `status` is the last status, and `present` is True
+    An event before the mission has the time 0.0. `status` is the last status, and `present` is True
     if the contact still exists at the end.
     """
 
@@ -260,7 +260,7 @@ class RunFacts(StrictModel):
 class _Story:
     """The events of one contact so far; `last` is its last recorded state.
 
-    `times` has the first time of each of HAPPENINGS that has occurred, in seconds.
+    `times` maps each of HAPPENINGS that has occurred to its first time, in seconds.
     """
 
     last: TrueContact
@@ -393,8 +393,8 @@ def gather(recording: RunRecording, status: MissionStatus) -> RunFacts:
 def first_moves(recording: RunRecording) -> dict[str, float]:
     """Return the assets that an order moved, each with the time at which that order was sent.
 
-    A moved asset is more than MOVED_M from its position at the mission's command, and from its
-    position at the time of the order.
+    An asset counts as moved if it is more than MOVED_M both from where it was when the mission was
+    given and from where it was when the order was sent.
     """
     moves: dict[str, float] = {}
     for order, _, asset in recording.sent_out():
@@ -430,7 +430,7 @@ def _asset(asset: AssetTelemetry) -> AssetFact:
 
 
 def _coverage(recording: RunRecording, gate: str) -> CoverageFact:
-    """Return the coverage of `gate`; a gap that began earlier is measured from the command."""
+    """Return the coverage of `gate`; an earlier gap is measured from the mission's start."""
     longest = gap = total = 0.0
     for was, now in recording.steps():
         step = now.time_s - was.time_s

@@ -417,7 +417,7 @@ class ServedSession:
         """Return the waiting request and its mission; raises ProblemError if it has another id."""
         waiting = self.waiting
         if waiting is None:
-            raise ProblemError(409, "no-plan-waits", "no plan waits for a decision",
+            raise ProblemError(409, "no-plan-waits", "no plan is waiting for a decision",
                                field="request_id", remedy=SEE_PLANS)  # fmt: skip
         if (there := waiting[1].request_id) != request_id:
             raise ProblemError(

@@ -125,7 +125,7 @@ def _guards(assets: Iterable[str], digest: Digest, gates: str) -> Iterator[str]:
 
 
 def _teams(digest: Digest, unknown: Iterable[str]) -> str:
-    """Return the expression for assets without names: their number, their kind and their origin.
+    """Return the regular expression for unnamed assets: their number, kind and origin.
 
     Kinds that have no assets are included.
     """
@@ -140,9 +140,10 @@ def _teams(digest: Digest, unknown: Iterable[str]) -> str:
 
 
 def _facts_pattern(assets: str, places: str, targets: str) -> str:
-    """Return the expression for the deciding facts, which are about a name or in plain words.
+    """Return the regular expression for the deciding facts.
 
-    A fact about a place needs a colon after the name; a fact about an asset or a track does not.
+    Each fact is about a name or is stated in plain words. A fact about a place needs a colon after
+    the name; a fact about an asset or a track does not.
     """
     word = f"({_PLAIN}|{assets}|{places}|{targets})"
     about = f"((At )?{places}|{assets}|Free( [a-z]+)?): {word}"
@@ -157,7 +158,7 @@ def _names_in(text: str) -> Iterable[str]:
 
 
 def _numbered(name: str) -> str:
-    """Return the expression for `name` with any number, as for other assets of its team."""
+    """Return the regular expression for `name` with any number, as for other assets of its team."""
     numbers = [*_NUMBER.finditer(name)]
     if not numbers:
         return exactly(name)
@@ -166,7 +167,7 @@ def _numbered(name: str) -> str:
 
 
 def _either(ways: Iterable[str]) -> str:
-    """Return the expression for any of `ways`; without ways, an expression that matches no text."""
+    """Return the regular expression for any of `ways`; if there are none, it matches no text."""
     return f"({'|'.join(ways) or '~~'})"
 
 

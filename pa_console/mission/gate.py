@@ -41,7 +41,7 @@ class CommandGate:
     holds and commands that move nothing pass, whatever was approved before. The gate decides by the
     request and its decision, not by the caller.
 
-    No log, no action: a plan's command is on the disk before it is on the link, and no such command
+    No log, no action: a plan's command is written to disk before it is sent, and no such command
     passes while the `journal` cannot be written. A stop and a way to safety do not wait for the
     disk.
 
@@ -148,7 +148,7 @@ class CommandGate:
         return not_unasked(order, needed, rules.unasked)
 
     def grant(self, request: ev.ApprovalRequested, decision: Decision, rules: Rulebook) -> None:
-        """Allow the commands of an approved plan from now on, and those of the last plan no longer.
+        """Allow from now on the commands of the approved plan instead of those of the previous one.
 
         Raises ValueError while everything is stopped, or if `decision` is not an admissible
         approval of `request` by as many people as the `rules` require.
@@ -201,7 +201,7 @@ class CommandGate:
         return holds
 
     def resume(self, stops: int, *, stopped: bool) -> None:
-        """Continue a session with `stops` earlier stops, the last of them latched if `stopped`.
+        """Continue a session that has had `stops` stops; if `stopped`, the last is still latched.
 
         A device ignores a command id that it has already seen, so the ids continue from `stops`.
         """
@@ -250,10 +250,11 @@ class CommandGate:
     def send(
         self, commands: Sequence[DeviceCommand], emit: Callable[[Passage], object]
     ) -> tuple[Passage, ...]:
-        """Send those `commands` that are allowed; emit and return the result for each command.
+        """Send the allowed `commands`; emit and return the result for each command.
 
         Commands that move nothing, and those of a way to safety, are sent at once and logged
-        afterwards. The others are sent only if no command is refused and all are on the disk.
+        afterwards. The others are sent only if no command is refused, and only after they have
+        been written to the log on disk.
         """
         passages: list[Passage] = []
         logged_first: list[DeviceCommand] = []

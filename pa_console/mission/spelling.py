@@ -207,7 +207,7 @@ class NameWords(NamedTuple):
     counts: tuple[int, ...]
 
     def share(self, word: str) -> float:
-        """Return the likelihood that a word of a mission is `word` as part of a name."""
+        """Return the likelihood that a word in a mission is `word`, used as part of a name."""
         at = self.words.index(word) if word in self.words else None
         return 0.0 if at is None else _NAMED * self.counts[at] / sum(self.counts)
 

@@ -197,7 +197,10 @@ class Workflow(StrictModel):
 
 
 def _people(approvals: dict[str, int]) -> dict[str, int]:
-    """Refuse unknown acts, invalid numbers, and `hold` and `report`, which never wait."""
+    """Refuse unknown acts and invalid numbers of people.
+
+    Also refuse `hold` and `report`, which never wait for a second person.
+    """
     for act, people in approvals.items():
         if act in STILL:
             raise ValueError(

@@ -338,7 +338,10 @@ class _Builder:
 
 
 def identity(file: IO[bytes]) -> list[int]:
-    """Return device, inode, size and times of an open log, which any change to the log changes."""
+    """Return the device, inode, size and times of an open log.
+
+    Any change to the log changes at least one of them.
+    """
     stat = os.fstat(file.fileno())
     return [stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns]
 
@@ -350,7 +353,7 @@ def index_path(folder: Path, log: Path) -> Path:
 
 
 def load_index(path: Path, log: Path, log_identity: list[int]) -> LogIndex | None:
-    """Return the index at `path`; None unless it is complete and of `log` with this identity."""
+    """Return the index at `path`; None unless it is complete and for `log` with this identity."""
     try:
         file = path.open("rb")
         try:
@@ -400,7 +403,7 @@ def save_index(path: Path, index: LogIndex, log_identity: list[int]) -> None:
 
 
 def _read(file: IO[bytes], log: Path, log_identity: list[int]) -> LogIndex:
-    """Return the index in `file`; raises ValueError if it is of another log or damaged."""
+    """Return the index in `file`; raises ValueError if it is damaged or for another log."""
     header: dict[str, Any] = json.loads(file.readline())
     if header["made_by"] != _made_by() or header["log"] != log_identity:
         raise ValueError("of another log, or made by other code")

@@ -321,7 +321,10 @@ def _track_is(scene: Scene, when: TrackIs) -> bool:
 
 
 def _asset_is(terrain: Terrain, scene: Scene, when: AssetIs) -> bool:
-    """Return whether a condition holds for an asset's true state, or for its reports (`silent`)."""
+    """Return whether a condition holds for an asset's true state.
+
+    Only `silent` is judged by the asset's reports instead.
+    """
     asset = scene.assets.get(when.asset)
     if asset is None:
         return False

@@ -426,7 +426,7 @@ class ControlStation:
                     return
 
     async def settled(self) -> None:
-        """Wait until no mission is active or waits, and every outcome is judged."""
+        """Wait until no mission is active or waiting and every outcome has been judged."""
         while not (self._worker.idle.is_set() and self._verdicts.all_settled.is_set()):
             await self._worker.idle.wait()
             await self._verdicts.all_settled.wait()

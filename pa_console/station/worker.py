@@ -168,7 +168,7 @@ class MissionWorker:
     def decide(self, decision: Decision) -> None:
         """Answer the open approval request; raises ValueError if there is none."""
         if self._answer is None or not self.awaits_decision:
-            raise ValueError("no plan waits for a decision")
+            raise ValueError("no plan is waiting for a decision")
         self._answer.set_result(decision)
 
     def countersign(self, signed: PlanCountersignature) -> None:

@@ -98,8 +98,8 @@ def _track(track: Track, now_s: float) -> str:
 class RuleUse:
     """The use of one rule in one mission.
 
-    `decided` has the attempts that the rule's check decided on, with the findings; `prescribed` has
-    the tracks whose workflow the rule prescribes. A mission that the rule `refused` was never
+    `decided` lists the attempts that the rule's check decided on, with the findings; `prescribed`
+    lists the tracks whose workflow the rule prescribes. A mission that the rule `refused` was never
     planned.
     """
 
@@ -212,7 +212,7 @@ def trail_of(rule_id: str, events: Iterable[ev.Event]) -> list[Trail]:
 def _entries(
     rule_id: str, mission: str, data: ev.EventPayload, planned: set[tuple[str, int]]
 ) -> Iterator[tuple[int, RuleDeed, str]]:
-    """Yield attempt, effect and words of the rule in one event."""
+    """Yield the attempt, the effect and the words of each mention of the rule in one event."""
     match data:
         case ev.RulesRetrieved(hits=hits):
             for place, hit in enumerate(hits, start=1):

@@ -281,5 +281,5 @@ async def test_a_decision_that_comes_too_late_moves_nothing(site: Site) -> None:
             if isinstance(event.data, ev.MissionFinished):
                 break
     assert {command.verb for command in run.sent} == {"hold"}
-    with pytest.raises(ValueError, match="no plan waits"):
+    with pytest.raises(ValueError, match="no plan is waiting"):
         run.station.decide(Decision(kind="approve"))

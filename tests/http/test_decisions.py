@@ -138,6 +138,6 @@ def test_nobody_is_made_to_have_signed_what_another_has_approved() -> None:
 def test_where_nothing_waits_nothing_is_decided() -> None:
     session, heard = waiting()
     body = DecisionBody(kind="approve", request_id="M1.1", shown_sha256="0" * 64)
-    with pytest.raises(ProblemError, match="no plan waits"):
+    with pytest.raises(ProblemError, match="no plan is waiting"):
         decide(session, body)
     assert heard.decisions == []

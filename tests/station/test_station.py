@@ -46,7 +46,7 @@ def test_a_read_only_station_refuses_every_command(rig: Rig) -> None:
 
 
 def test_deciding_when_nothing_waits_is_an_error(rig: Rig) -> None:
-    with pytest.raises(ValueError, match="no plan waits"):
+    with pytest.raises(ValueError, match="no plan is waiting"):
         rig.station(ScriptedEngine([SPARE])).decide(Decision(kind="approve"))
 
 

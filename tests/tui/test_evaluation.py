@@ -115,7 +115,7 @@ async def test_runs_are_filtered_by_failure_and_by_words(folder: Path, site: Sit
         screen.query_one("#evaluation-search", Input).value = "nowhere"
         await pilot.pause()
         assert not listing.keys
-        assert "No run passes the filter" in detail(screen)
+        assert "No runs match the filter" in detail(screen)
         assert "strict" not in text(screen, "evaluation-totals")
 
 

@@ -87,7 +87,7 @@ async def test_the_table_names_age_and_doubt_of_every_report(show: Show) -> None
         await press(pilot, "escape", "f3")
         text = shown(app, "#assets")
         for words in ("? stale 7 s", "✘ silent", "22 s!", "≠ SUSPECT", "▿ works", "✘ FAILED",
-                      "‼ HOSTILE", "by U1, E1", "WestGate?", "not seen now"):  # fmt: skip
+                      "‼ HOSTILE", "by U1, E1", "WestGate?", "not in view"):  # fmt: skip
             assert words in text
         assert "? WestGate cover unknown" in str(app.screen.query_one(StatusBar).render())
 

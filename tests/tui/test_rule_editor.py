@@ -247,7 +247,7 @@ async def test_a_signed_set_is_said_to_be_altered_and_can_be_signed_anew(
         app.controllers.rules.rulebook = load_rules(rules)
         await write(pilot, editor, "priority: high", "priority: medium")
         await pilot.press("ctrl+s")
-        assert "signed by an unknown key. Once saved, it is ALTERED" in await answer(pilot, "n")
+        assert "signed by an unknown key. Saving makes it ALTERED" in await answer(pilot, "n")
         assert "priority: high" in rules.read_text()
 
 

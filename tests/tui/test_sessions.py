@@ -121,4 +121,4 @@ async def test_an_empty_folder_says_so_and_a_damaged_log_where(tmp_path: Path) -
         (logs / "one.jsonl").unlink()
         await pilot.press("f5")
         await until(pilot, lambda: not listing.keys)
-        assert "No session was recorded here yet." in sheet(app)
+        assert "No sessions have been recorded here yet." in sheet(app)

@@ -162,12 +162,12 @@ async def test_no_screen_opens_in_the_middle_of_a_text(show: Show) -> None:
 async def test_a_key_of_the_approval_says_elsewhere_where_to_go(key: str, show: Show) -> None:
     async with show(story.told("planning"), keys_by_clock=True) as (app, pilot, station, clock):
         await pilot.press("f2", key)
-        assert notices(app)[-1] == "no plan waits for a decision"
+        assert notices(app)[-1] == "no plan is waiting for a decision"
         station.emit(*story.judged())
         await settle(pilot)
         clock.now += ARM_DELAY_S
         await pilot.press("f2", key)
-        assert notices(app)[-1] == "F7 goes to the plan that waits; the key decides there"
+        assert notices(app)[-1] == "F7 goes to the waiting plan, where you can decide"
         assert station.decisions == []
 
 

@@ -142,10 +142,10 @@ def _name_types(command: Any) -> None:
 
 
 def _add_examples(app: typer.Typer, above: str = "") -> None:
-    """Add its example to the help of every verb below `app`.
+    """Add to the help of every verb below `app` the example of that verb, if it has one.
 
-    `EXAMPLES` has the examples by the verbs' words. The short help of a verb is the complete first
-    paragraph of its help.
+    `EXAMPLES` maps the words of a verb to its example. The short help of a verb is set to the whole
+    first paragraph of its help.
     """
     for command in app.registered_commands:
         name = command.name or (command.callback.__name__ if command.callback else "")

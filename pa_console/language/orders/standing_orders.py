@@ -4,9 +4,9 @@ The form is *Whenever CONDITION, ORDER*, also with *each time*, *every time*, *i
 with the order first. In the order, *it*, *that drone*, *its gate* and *there* refer to the subject
 of the condition. The operator is asked about unclear words; none are guessed.
 
-A condition consists of a subject, which is any of many assets, tracks or gates, and its state: *a
-drone at the east gate is below 20 %* becomes CEL. The grammar parses from left to right. One
-unknown word makes the whole condition unreadable.
+A condition consists of a subject, which may match any of several assets, tracks or gates, and its
+state. For example, *a drone at the east gate is below 20 %* is translated to CEL. The grammar
+parses from left to right. One unknown word makes the whole condition unreadable.
 """
 
 import re
@@ -400,7 +400,7 @@ def asks_nobody(text: str) -> tuple[str, bool]:
 
 
 def read_standing(scene: ReferenceScene, text: str) -> ReadStanding | Unclear | None:
-    """Return a standing order, a question about it, or None if the text is no standing order."""
+    """Return a standing order, a question about it, or None if the text is not one."""
     linked = link_names(scene.world, text)
     command, unasked = asks_nobody(linked)
     limit = _LIMIT.search(command)

@@ -151,7 +151,7 @@ def _places(digest: Digest) -> Iterator[str]:
 
 
 def _contacts(digest: Digest) -> Iterator[str]:
-    """Yield a line for each gate with its tracks, each with its identity as one word."""
+    """Yield a line for each gate, which lists its tracks, each with its identity as one word."""
     there: dict[str, list[str]] = {gate: [] for gate in digest.covered}
     for line in digest.tracks:
         name, _, facts = line.partition(": ")
@@ -162,7 +162,7 @@ def _contacts(digest: Digest) -> Iterator[str]:
 
 
 def _assets(world: World, digest: Digest) -> Iterator[str]:
-    """Yield a line for each asset with its state, its kind, and its place or destination."""
+    """Yield a line for each asset, with its state, its kind, and its place or destination."""
     for name in (*digest.posts, *digest.down):
         kind = PLAIN_KINDS[world.assets[name].kind]
         location = digest.posts.get(name, "").partition(" ")[2]
@@ -171,7 +171,10 @@ def _assets(world: World, digest: Digest) -> Iterator[str]:
 
 
 def _free(digest: Digest) -> Iterator[str]:
-    """Yield a line for each kind with the assets that may leave their place, the best first."""
+    """Yield a line for each kind of asset, which lists its free assets, the best first.
+
+    An asset is free if it can leave its place without uncovering a gate.
+    """
     for kind, names in digest.free.items():
         yield f"Free {PLAIN_KINDS[kind]}: {', '.join(names) or 'none'}"
 

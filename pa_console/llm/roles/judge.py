@@ -18,7 +18,7 @@ DEADLINE_S = 60.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """The judge's whole answer; if `verdict` is None, `error` has the reason for a hold."""
+    """The judge's whole answer; if `verdict` is None, `error` says why there is no verdict."""
 
     text: str
     verdict: Verdict | None

@@ -147,11 +147,12 @@ def _left_gate(action: Action, plan: Plan, world: World, picture: Picture) -> st
 def safe_state(
     declared: Sequence[Action], picture: Picture, open_agents: Sequence[str], prefix: str
 ) -> tuple[DeviceCommand, ...]:
-    """Return the commands that bring a halted plan's agents to safety, as `declared` with it.
+    """Return the commands that bring a halted plan's agents to safety.
 
-    Only available agents that are still under way get a command. An agent that is to return to its
-    gate holds instead if an asset that is not under way covers that gate. The agent's own cover
-    does not count, because the picture may be late and still show it at the gate.
+    They come from the actions `declared` with the plan. Only available agents that are still under
+    way get a command. An agent that is to return to its gate holds instead if an asset that is not
+    under way covers that gate. The agent's own cover does not count, because the picture may be
+    late and still show it at the gate.
     """
     actions: list[Action] = []
     for action in declared:

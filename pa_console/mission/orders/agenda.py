@@ -85,7 +85,7 @@ class MomentResult:
 
 @dataclass
 class Agenda:
-    """The moments of one order in force; its `order` has the schedule."""
+    """The moments at which a standing order in force starts missions, given by its schedule."""
 
     order: StandingOrder
     paused: bool = False

@@ -77,7 +77,7 @@ def _there(case: PlanForOrder, ask: Ask) -> Iterator[str]:
 
 
 def _may_be_looking(case: PlanForOrder, ask: Ask) -> bool:
-    """Return whether the plan may send another drone to the place of `ask`, to observe (WF-02)."""
+    """Return whether the plan is allowed one more drone as an observer at `ask.place` (WF-02)."""
     flies = ask.who.kind == "uav" and not case.others_stay
     besides = any(other.place == ask.place for other in case.due if other != ask)
     return flies and (besides or bool(case.moves.tracks(ask.place)))
@@ -168,7 +168,10 @@ def _can(case: PlanForOrder, ask: Ask, tracks: Sequence[Track]) -> bool:
 
 
 def is_to_be_warned(track: Track) -> bool:
-    """Return whether a warning is due: the contact is an unwarned intruder, and no noncombatant."""
+    """Return whether a warning is due.
+
+    The contact must be an intruder, not suspected of noncombatants, and not yet warned.
+    """
     is_intruder = track.identity == "unauthorized" and not track.noncombatants
     return is_intruder and not track.warned
 

@@ -342,7 +342,10 @@ def _repetitions(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
 
 
 def _hard_to_find(rules: tuple[Rule, ...]) -> Iterator[Doubt]:
-    """Yield the rules that are not retrieved for a mission with their own text."""
+    """Yield the rules that are hard to retrieve.
+
+    Such a rule is not among the first FOUND_AMONG retrieved for a mission worded exactly like it.
+    """
     retriever = Retriever(rules)
     for rule in (rule for rule in rules if rule.in_prompts):
         hits = [hit.rule_id for hit in retriever.retrieve(rule.text, FOUND_AMONG)]

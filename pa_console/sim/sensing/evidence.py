@@ -1,9 +1,9 @@
 """Evidence about contacts: the sensors' statements and the station's conclusions.
 
-A statement counts only if its sensor had the contact in reach, as far as the station knows both
-positions. A sensor has one vote: its latest statement replaces the earlier one. Votes are weighted
-by the kind of sensor. If sensors contradict each other, the identity is unknown, unless several
-sensors agree against a single one.
+A statement counts only if, by the positions known to the station, the contact was within the
+sensor's reach. A sensor has one vote: its latest statement replaces the earlier one. Votes are
+weighted by the kind of sensor. If sensors contradict each other, the identity is unknown, unless
+several sensors agree against a single one.
 """
 
 import math

@@ -50,9 +50,9 @@ class Cause:
 def causes(picture: Picture, world: World, guards: Mapping[str, tuple[str, ...]]) -> list[Cause]:
     """Return every cause that `picture` shows.
 
-    `guards` has the assets that certainly covered each gate last. If one of them is lost, the
-    gate's alarm names the asset and has the command in response; the asset's own alarm has no
-    command.
+    `guards` maps each gate to the assets that were last certain to cover it. If one of them is
+    lost, the alarm for the gate names the asset and proposes a command in response; the alarm for
+    the asset itself proposes none.
     """
     result = [cause for track in picture.tracks.values() if (cause := _track(track)) is not None]
     result.extend(_ways(picture, world))

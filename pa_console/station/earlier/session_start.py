@@ -35,7 +35,7 @@ class SessionStart:
     ) -> None:
         """Restore the parts of a resumed session.
 
-        `stop_all` stops all assets, given the name of the station that stopped them.
+        `stop_all` stops all assets; its argument names the relieved station that had stopped them.
         """
         self._intake, self._emit, self._manual = parts.intake, parts.emit, manual
         self._worker, self._stop_all = worker, stop_all
@@ -61,7 +61,7 @@ class SessionStart:
     def succeed(self, taken: ev.CommandTaken, left: LeftMissions) -> None:
         """Record the takeover with which this session begins; call this before `begin`.
 
-        `left` has the open missions of the other session. Those that have sent no commands are
+        `left` contains the open missions of the other session. Those that have sent no commands are
         queued here, which dispatches nothing.
         """
         self._taken, self._left = taken, left

@@ -203,7 +203,7 @@ def approval_rows(
     if request.state == "not_understood":
         problem = "; ".join(request.blocked_by).removeprefix("not understood: ")
         yield row(("? ", WARN), (problem, WARN))
-        remedy = "Choose or write what is meant" if trace.choices else "Write what is meant"
+        remedy = "Choose or type what you mean" if trace.choices else "Type what you mean"
         yield row("  ", f"No asset moves. {remedy}, or reject this.")
         return
     if request.standing is not None and trace.standing is not None:

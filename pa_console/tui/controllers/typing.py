@@ -218,7 +218,7 @@ class TypingController:
     def _say_it_is_text(self) -> None:
         keys = self._settings.keys
         waits = self._session.situation.approval
-        plan = f", {first_own_key('approval', keys)} to the plan that waits" if waits else ""
+        plan = f", {first_own_key('approval', keys)} to the waiting plan" if waits else ""
         mission = first_own_key("prompt", keys)
         self._say("", f"Typed text is not a command. {mission} goes to the mission field{plan}")
 

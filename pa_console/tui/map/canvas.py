@@ -145,7 +145,7 @@ class Strokes:
 
 
 class Blocks(Strokes):
-    """Strokes of solid quarters of a cell, for lines that must not look thin."""
+    """Strokes drawn with solid quarter-cell blocks, for lines that must not look thin."""
 
     BITS = ((1, 2), (4, 8))
     GLYPHS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"

@@ -61,9 +61,9 @@ class Labels:
     def write(self, start: Cell, line: Sequence[Run], *, keep: bool = True) -> bool:
         """Write a line at `start`; return False if a marker or another name is in the way.
 
-        With `keep`, no other name hides the line. A number right after the line would read as a
-        part of it. A line to keep therefore begins one cell earlier, and any other line is not
-        written.
+        With `keep`, no other name can hide the line. If the marker directly after the line is a
+        number, the two would read as one. The line is then moved one cell to the left with `keep`,
+        and is not written without it.
         """
         (column, row), width = start, sum(len(text) for text, _ in line)
         behind, taken = (column + width, row), self._canvas.marks.keys() | self._kept_names

@@ -225,7 +225,7 @@ def change_rows(
     ]
     if shown is None:
         if comparison.first is None:
-            rows.append(row("", ("Every event means the same in both.", GOOD)))
+            rows.append(row("", ("All events are equivalent in both.", GOOD)))
         return tuple(rows)
     for change in shown.changes:
         path = (f"{change.path}  ", f"bold {NOTE}")

@@ -24,7 +24,7 @@ from pa_console.tui.widgets.fields import LineField
 from pa_console.tui.widgets.row_views import VirtualRows
 from pa_console.tui.widgets.still import STILL_ROWS, ReadStill, StillView
 
-PLAIN_HINT = "↑ ↓ point · Enter chooses · Esc goes back"
+PLAIN_HINT = "↑ ↓ move · Enter selects · Esc goes back"
 
 WIDTH = 46
 """The width of a card, in cells; its height depends on its content."""
@@ -76,7 +76,7 @@ class ChooseLine(ModalScreen[str | None]):
         Binding("escape", "dismiss", "Back"),
         Binding("up", "point(-1)", "Line above", priority=True),
         Binding("down", "point(1)", "Line below", priority=True),
-        Binding("delete", "remove", "Remove the favourite at the pointer", priority=True),
+        Binding("delete", "remove", "Remove the selected favourite", priority=True),
     ]
 
     def __init__(

@@ -140,7 +140,7 @@ class EvaluationScreen(ListScreen[RunRows]):
         if record is not None:
             return "Run", run_rows(record)
         if self._records:
-            return "", (row("", ("No run passes the filter; f and / change it.", WARN)),)
+            return "", (row("", ("No runs match the filter; f and / change it.", WARN)),)
         return "", nothing_rows(self._folder, self._problem)
 
     async def _show_tables(self) -> None:

@@ -287,7 +287,7 @@ class MainScreen(Screen[None]):
             if self.compact and self._view not in ("map", "trace"):
                 self.go_to("trace")
             if prompt.has_cursor and prompt.draft:
-                there = f"A plan waits for your decision: {self._key_to_approval} goes there"
+                there = f"A plan waits for your decision; {self._key_to_approval} goes to it"
                 self.notify(there, title="Approval", markup=False)
             else:
                 panel.take_focus()
@@ -381,10 +381,10 @@ class MainScreen(Screen[None]):
         if not self._decides:
             self.notify(self._closed_why, title="Decision", severity="warning", markup=False)
         elif self.query_one(ApprovalPanel).display:
-            where = f"{self._key_to_approval} goes to the plan that waits; the key decides there"
+            where = f"{self._key_to_approval} goes to the waiting plan, where you can decide"
             self.notify(where, title="Decision", markup=False)
         else:
-            self.notify("no plan waits for a decision", title="Decision", markup=False)
+            self.notify("no plan is waiting for a decision", title="Decision", markup=False)
 
     @property
     def _key_to_approval(self) -> str:

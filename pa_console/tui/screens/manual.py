@@ -34,13 +34,13 @@ _APPROVAL = (
 )  # fmt: skip
 _PROMPT = (
     ("Enter", "Send the mission; ^j or alt+Enter begins a new line"),
-    ("Why? …", "Ask a question: why, why not another asset, what instead; a plan still waits"),
+    ("Why? …", "Ask why, why not another asset, or what instead; a waiting plan is kept"),
     ("↑ ↓", "Recall earlier missions"),
     ("Tab →", "Complete the name shown in grey; Tab again tries the next name or goes to a slot"),
     ("Alt+1 … 4", "Before the first mission: type an example"),
     ("Esc", "Leave the field; the text stays"),
 )
-LETTER_WAITS = " (a letter waits for Enter)"
+LETTER_WAITS = " (after a letter key, press Enter)"
 
 
 class PagePosition(NamedTuple):

@@ -51,7 +51,7 @@ def nearest(text: str, options: Sequence[str]) -> str:
 
 def _unknown(text: str, problem: str, options: Sequence[str]) -> str:
     near = nearest(text, options)
-    hint = f"did you mean {near}? ↓ takes it" if near else f"known: {', '.join(options[:6])}"
+    hint = f"did you mean {near}? ↓ uses it" if near else f"known: {', '.join(options[:6])}"
     return f"{problem}: {hint}"
 
 
@@ -125,7 +125,7 @@ def rows_of(draft: str) -> tuple[str, list[FormRow]]:
         rows = [_row_of(action) for action in read["actions"]]
         return str(read["reason"]), rows
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError("no plan in rows") from error
+        raise ValueError("the draft cannot be shown in rows") from error
 
 
 def _row_of(action: Mapping[str, Any]) -> FormRow:
@@ -199,7 +199,7 @@ class PlanForm(ModalScreen["Plan | str | None"]):
 
     BINDINGS = [
         Binding("escape", "leave", "Back, keep the draft"),
-        Binding("ctrl+s,f10", "send", "Send to the safeguards", priority=True),
+        Binding("ctrl+s,f10", "send", "Submit for checking", priority=True),
         Binding("ctrl+n", "add", "Add a row", priority=True),
         Binding("ctrl+d", "remove", "Remove the row", priority=True),
         Binding("ctrl+r", "revert", "The plan as it was proposed", priority=True),
@@ -373,7 +373,7 @@ class PlanEditor(ModalScreen["Plan | str | None"]):
 
     BINDINGS = [
         Binding("escape", "dismiss", "Back, keep the draft"),
-        Binding("ctrl+s,f10", "send", "Send to the safeguards"),
+        Binding("ctrl+s,f10", "send", "Submit for checking"),
         Binding("ctrl+r", "revert", "The plan as it was proposed"),
         Binding("f4", "form", "As a form"),
     ]

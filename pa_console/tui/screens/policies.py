@@ -147,7 +147,7 @@ class PolicyScreen(Screen[str]):
             listing.highlighted = next((n for n, rule in enumerate(rules) if rule.id == at), 0)
         else:
             self.query_one("#policy-sheet", TextRows).show(
-                (row("", "No rule passes the filters."),)
+                (row("", "No rules match the filters."),)
             )
         rulebook, asked = self._rulebook, approvals_in_words(self._rulebook.approvals)
         count = sum(rule.decidable for rule in rulebook.rules)

@@ -165,8 +165,8 @@ class RuleEditor(Screen[str]):
         seal = self._bench.seal()
         if seal.standing in ("known key", "unknown key"):
             doubts.append(
-                f"The set is {seal.words}. Once saved, it is ALTERED: the set in force stays until "
-                f"the file is signed again (pa-console rules sign {self._opened.path}), unless the "
+                f"The set is {seal.words}. Saving makes it ALTERED: the old set stays in force "
+                f"until you sign the file (pa-console rules sign {self._opened.path}), unless the "
                 "console was started with --unsigned."
             )
         if doubts and not await self._asked("\n".join(doubts), "Save"):

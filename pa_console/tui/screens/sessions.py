@@ -177,7 +177,7 @@ class SessionsScreen(ListScreen[SessionRows]):
         session = self.listing.item
         if session is not None:
             return "Session", detail_rows(session, self.listing.standing(self.listing.cursor))
-        nothing = row("", ("No session was recorded here yet.", WARN))
+        nothing = row("", ("No sessions have been recorded here yet.", WARN))
         return "", (nothing,) if self._read else ()
 
     @on(SessionRows.RowChosen)

@@ -27,7 +27,7 @@ _FILL = {
 Part = Content | tuple[str, str] | str
 
 _ALARM, _MISSION = "alarm:", "mission:"
-EMPTY = "No alarm is open and no mission waits."
+EMPTY = "No open alarms and no waiting missions."
 
 
 def alarm_row(item: OpenAlarm, answers: Mapping[str, MissionTrace], active: str) -> Content:

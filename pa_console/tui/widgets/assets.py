@@ -104,7 +104,7 @@ def _track_notes(track: Track, look: Reliance) -> tuple[str, str]:
     urgent = track.intent == "hostile" or track.defiant or bool(track.dispute)
     parts: list[str] = []
     if look.lost(track):
-        parts.append("not seen now")
+        parts.append("not in view")
     if track.dispute:
         claims = zip(_short([*track.identity_claims]), track.identity_claims.values(), strict=True)
         parts.append(f"DISPUTED: {few([f'{name} {claim}' for name, claim in claims])}")
@@ -255,7 +255,7 @@ class AssetTable(VirtualRows):
             shown=len(tracks) + len(assets) + len(cameras),
             problems=sum(rank < FINE for rank in ranks.values()) + down + suspicious,
         )
-        return items or [_Item("note", "nothing passes the filter")]
+        return items or [_Item("note", "nothing matches the filter")]
 
     def _lets_in(self, words: str) -> bool:
         return all(word in words for word in self._wanted)

@@ -47,7 +47,7 @@ _STAGES = (
 )  # fmt: skip
 _UNREADABLE = "Nothing can be shown until that is fixed; o opens another folder."
 _NO_RUNS = (
-    "{folder} holds no run of an evaluation yet.",
+    "{folder} has no evaluation runs yet.",
     "pa-console eval makes some: the paper's ten missions with the default model, scored on the "
     "true state. `pa-console eval --help` names other missions, models and variants.",
     "Runs appear here as they end; o opens another folder.",
@@ -166,7 +166,7 @@ def _answers(record: RunRecord) -> list[Part]:
     if record.metrics.plans > 1:
         parts.append(f", {record.metrics.plans} plans carried out")
     if record.reused:
-        parts.append((f", {record.reused} taken from equal prompts", QUIET))
+        parts.append((f", {record.reused} reused from identical prompts", QUIET))
     usage = record.planner
     if usage.completion_tokens:
         tokens = f"  first answer {usage.prompt_tokens} + {count(usage.completion_tokens, 'token')}"

@@ -42,7 +42,7 @@ LEGEND = (
     ("◇", "UNCOVERED", "gate-uncovered"), ("?", "cover unknown", "gate-unknown"),
     ("‼", "hostile", "track-hostile"), ("!", "unauthorized", "track-unauthorized"),
     ("?", "unknown", "track-unknown"), ("✔", "authorized", "track-authorized"),
-    ("?", "not seen now", "track-stale"), ("◌", "TAK, unverified", "contact"),
+    ("?", "not in view", "track-stale"), ("◌", "TAK, unverified", "contact"),
     ("?", "stale report", "stale"),
     ("⊕", "MANUAL", "manual"),
     ("≠", "suspect", "suspect"), ("✘", "down", "down"), ("▿✘", "camera failed", "camera-failed"),
