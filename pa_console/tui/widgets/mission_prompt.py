@@ -42,7 +42,7 @@ An `Enter` within this time restarts it.
 MOST_SHOWN = 6
 """The maximum number of names that are shown for a slot; the rest are counted."""
 
-HEADING = "To begin: a key fills in an order, Enter sends it"
+HEADING = "To begin: press a key, then Enter to send it"
 
 
 class _TriedCompletion(NamedTuple):
