@@ -106,7 +106,7 @@ async def decide(
         else (),
     )
     order = _standing_order(context)
-    if request.acknowledge and order is not None and order.unasked:
+    if request.state == "warned" and order is not None and order.unasked:
         anyway = await _broken_anyway(context, examination.findings)
         request = request.model_copy(update={"broken_anyway": anyway})
     return replace(await answered(context, request, answer), readings=readings)

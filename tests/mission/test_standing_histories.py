@@ -252,11 +252,14 @@ class History:
         """Put a plan of an open mission to whoever decides; send what was granted, and more."""
         mission = self.random.choice(list(self.open))
         book, plan = self.random.choice(BOOKS), self.random.choice(PLANS)
+        warned = self.random.choice(((), (), ("WF-04",), ("WF-04", "WF-07")))
         request = ev.ApprovalRequested(
             request_id=f"{mission}.{self.random.randrange(1, 4)}",
             attempt=1,
             plan=plan,
-            state=self.random.choice(STATES),
+            state="warned" if warned else self.random.choice(STATES),
+            acknowledge=warned,
+            broken_anyway=self.random.choice(((), warned[:1], warned)),
             confidence=self.random.choice((0.9, 0.9, 0.6)),
             blocked_by=("ROE-01: no",) if self.random.random() < 0.15 else (),
             needs_override=self.random.random() < 0.1,
@@ -314,7 +317,7 @@ class History:
         """Whether by the histories' own reckoning `decision` may carry `request` out."""
         if decision.kind != "approve" or request.blocked_by or request.needs_override:
             return False
-        if request.approvals:
+        if request.approvals or not {*request.acknowledge} <= {*decision.acknowledged}:
             return False
         if not by_order:
             return True
@@ -325,7 +328,8 @@ class History:
             and order.id in self.approved
             and order.unasked
             and verbs <= set(book.unasked)
-            and request.state == "approve"
+            and request.state in ("approve", "warned")
+            and {*request.acknowledge} <= {*request.broken_anyway}
             and request.confidence == 0.9
         )
 
