@@ -139,6 +139,7 @@ STATUSES: dict[str, Status] = {
     "phase.pending": Status("·", "to come", "quiet"),
     "step.done": Status("✔", "done", "good"),
     "step.active": Status("▶", "under way", "note"),
+    "step.interrupted": Status("–", "interrupted", "quiet"),
     "step.pending": Status("·", "to come", "quiet"),
 }
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from pa_console.schema.events.event import StandingOrderRead, WorkflowMoved
 from pa_console.schema.events.intake import AnswerLine, QuestionAnswered
-from pa_console.schema.telemetry import Digest
 from pa_console.schema.text import count
 from pa_console.session.mission_trace import Attempt, MissionTrace, Round, chosen_attempt, rounds
 from pa_console.views import trace_execution as execution
@@ -102,7 +101,7 @@ def _chosen(
     attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions
 ) -> list[TraceSection]:
     """Return the chosen attempt, with a heading if it is one of several or has an origin."""
-    parts = _attempt(attempt, trace.digest, rules, options, with_rest=True)
+    parts = _attempt(attempt, trace, rules, options, with_rest=True)
     beside = len(trace.attempts) > 1
     if not (beside or attempt.origin or attempt.repair):
         return parts
@@ -171,22 +170,22 @@ def _folded_attempt(
 ) -> list[TraceSection]:
     """Return the sections of a collapsed attempt; only a full record lists unbroken rules."""
     with_rest = options.detail >= Detail.RECORD
-    return _attempt(attempt, trace.digest, rules, options, with_rest=with_rest)
+    return _attempt(attempt, trace, rules, options, with_rest=with_rest)
 
 
 def _attempt(
-    attempt: Attempt, shown: Digest | None, rules: Rules, options: TraceOptions, *, with_rest: bool
+    attempt: Attempt, trace: MissionTrace, rules: Rules, options: TraceOptions, *, with_rest: bool
 ) -> list[TraceSection]:
-    """Return steps 3 to 6 of one attempt, with its picture if it is not the one `shown`."""
+    """Return steps 3 to 6 of one attempt, with its picture if it is not that of the mission."""
     full, record = options.detail >= Detail.FULL, options.detail >= Detail.RECORD
-    number = attempt.number
+    number, over = attempt.number, trace.status is not None
     parts: list[TraceSection] = []
-    if record and attempt.digest is not None and attempt.digest != shown:
+    if record and attempt.digest is not None and attempt.digest != trace.digest:
         parts += planning.pictures(attempt.digest, options, f"-{number}")
     if full and (attempt.user or attempt.system):
         parts.append(planning.prompt(attempt))
     if attempt.user or attempt.text or attempt.plan or attempt.error or not attempt.findings:
-        parts.append(planning.plan(attempt))
+        parts.append(planning.plan(attempt, over=over))
     if options.detail is Detail.FULL and attempt.text and attempt.plan is not None:
         parts.append(planning.plan_json(attempt))
     if record and attempt.text and attempt.plan is not None:
@@ -202,7 +201,7 @@ def _attempt(
     if decided_by is not None:
         parts.append(planning.evidence(attempt, decided_by))
     if attempt.judged or attempt.judge_text:
-        parts.append(planning.verdict(attempt))
+        parts.append(planning.verdict(attempt, over=over))
     if attempt.read_again is not None:
         parts.append(planning.second_reading(attempt, attempt.read_again))
     if record and attempt.judged and attempt.judge_text:

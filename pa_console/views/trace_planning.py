@@ -146,12 +146,20 @@ def prompt(attempt: Attempt) -> TraceSection:
     return TraceSection(key, "Prompt", blocks, step=4, note=note, collapsed=True)
 
 
-def plan(attempt: Attempt) -> TraceSection:
-    """Return step 4: the answer while it streams, then the plan parsed from it."""
+def _unfinished(over: bool) -> Status:
+    """Return the status of a step without a result, in a mission that is `over` or not."""
+    return status_of("step", "interrupted" if over else "active")
+
+
+def plan(attempt: Attempt, *, over: bool = False) -> TraceSection:
+    """Return step 4: the answer while it streams, then the plan parsed from it.
+
+    `over` is True if the mission has finished.
+    """
     usage, read, key = attempt.usage, attempt.plan, f"plan-{attempt.number}"
     if read is None:
         unreadable = Status("✘", "unreadable", "bad")
-        mark = unreadable if attempt.error else status_of("step", "active")
+        mark = unreadable if attempt.error else _unfinished(over)
         blocks: list[Block] = [Text(attempt.text, verbatim=True)] if attempt.text else []
         blocks += [statement(attempt.error, "bad")] if attempt.error else []
         return TraceSection(key, "Plan", tuple(blocks), step=4, mark=mark)
@@ -390,12 +398,15 @@ def evidence(attempt: Attempt, given: DecisionEvidence) -> TraceSection:
     return TraceSection(key, "Telemetry used by the checks", blocks, step=5, note=note)
 
 
-def verdict(attempt: Attempt) -> TraceSection:
-    """Return the judge's opinion on each rule and its feedback; no verdict means hold."""
+def verdict(attempt: Attempt, *, over: bool = False) -> TraceSection:
+    """Return the judge's opinion on each rule and its feedback; no verdict means hold.
+
+    `over` is True if the mission has finished.
+    """
     given, key = attempt.verdict, f"verdict-{attempt.number}"
     if not attempt.judged:
         blocks = (Text(attempt.judge_text, verbatim=True),)
-        return TraceSection(key, "Judge", blocks, step=6, mark=status_of("step", "active"))
+        return TraceSection(key, "Judge", blocks, step=6, mark=_unfinished(over))
     if given is None:
         blocks = (statement(attempt.judge_error or "no reason given", "bad"),)
         mark = status_of("verdict", "none")

@@ -13,7 +13,7 @@ from pa_console.export.markdown import mission_document
 from pa_console.manual_pages import load_manual
 from pa_console.schema.command import CommandReply
 from pa_console.schema.events import event as ev
-from pa_console.schema.mission import Decision
+from pa_console.schema.mission import Decision, Metrics
 from pa_console.schema.plan import Action
 from pa_console.session.mission_trace import MissionTrace
 from pa_console.session.state import SessionState
@@ -200,6 +200,20 @@ def test_a_judge_without_a_verdict_means_hold_everywhere(
     words = told(front_end, [*story.told("approval")[:-2], silent])
     for expected in ("? no verdict", "means hold", "no answer in 30 s"):
         assert expected in words
+
+
+def test_a_step_of_a_mission_that_was_cancelled_is_not_under_way() -> None:
+    payloads = [
+        *story.told("approval")[:-2],
+        ev.TextStreamed(role="judge", attempt=1, text='{"feedback": "asked'),
+    ]
+    assert "▶ under way" in on_screen(traced(payloads))
+    finished = ev.MissionFinished(
+        status="cancelled", reason="cancelled by the operator", metrics=Metrics()
+    )
+    words = on_screen(traced([*payloads, finished]))
+    assert "– interrupted" in words
+    assert "under way" not in words
 
 
 @pytest.mark.parametrize("front_end", FRONT_ENDS)
